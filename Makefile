@@ -1,0 +1,42 @@
+# Every target sets up what it needs in .venv; PYTHON must be 3.11 or newer.
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
+
+.PHONY: run test test-slow check format clean
+
+run: .venv/installed-base  ## fly the paper's planner through its four fields
+	$(BIN)/ferguson evaluate --policy single-start --policy multi-start \
+		--fields paper:1-4 --out results/paper --workers 2
+
+test: .venv/installed-dev  ## the tests, without those that need minutes
+	$(BIN)/pytest
+
+test-slow: .venv/installed-dev  ## the tests that need minutes
+	$(BIN)/pytest -m slow --timeout 7200
+
+check: .venv/installed-dev  ## style, types and the import contract
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+format: .venv/installed-dev
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf .venv results build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+
+.venv/installed-base: pyproject.toml constraints.txt | .venv/bin/python
+	$(PIP) --editable .
+	touch $@
+
+.venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
+	$(PIP) --editable '.[dev,agents]'
+	touch $@ .venv/installed-base
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed; say which: make PYTHON=python3.11"; exit 1; }
+	$(PYTHON) -m venv .venv

@@ -1,0 +1,1 @@
+"""Agents: policies that fly the environment, their evaluation, and the command line."""

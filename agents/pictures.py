@@ -1,0 +1,111 @@
+"""Pictures of flights, on a grid that could stand in a paper."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from agents.flights import Flight
+from ferguson_gym import drawing
+from ferguson_gym.arrays import Array
+from ferguson_gym.files import written_whole
+from ferguson_gym.splines import evaluate
+
+SUFFIXES = (".png", ".pdf", ".svg")
+"""Formats a picture can be written in."""
+_WINDOWS = 3
+"""Planned horizons drawn in each panel."""
+
+
+def check_target(path: Path) -> None:
+    """Check that a picture can be written there.
+
+    Raises:
+        ValueError: an unknown format, or a directory that does not exist.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.name!r}")
+    if not path.parent.is_dir():
+        raise ValueError(f"no such directory for the picture: {path.parent}")
+
+
+def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None:
+    """Write a grid of flights, one panel each, in the format of the path's suffix."""
+    columns = min(len(flights), 2)
+    rows = -(-len(flights) // columns)
+    with mpl.rc_context(drawing.style()):
+        figure = Figure(figsize=(3.5 * columns, 3.62 * rows + 0.45), layout="constrained")
+        FigureCanvasAgg(figure)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, flight in zip(grid.flat, flights, strict=False):
+            _draw_panel(axes, flight)
+        for axes in list(grid.flat)[len(flights) :]:
+            axes.set_visible(False)
+        if title:
+            figure.suptitle(title, fontsize=10)
+        entries = _legend(flights)
+        figure.legend(
+            handles=entries,
+            loc="outside lower center",
+            ncols=len(entries) if columns > 1 else 3,
+            frameon=False,
+            fontsize=7,
+            handlelength=1.6,
+            columnspacing=1.2,
+        )
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
+
+
+def _draw_panel(axes: Axes, flight: Flight) -> None:
+    drawing.draw_field(axes, flight.field)
+    drawing.draw_horizons(axes, _horizons(flight))
+    drawing.draw_path(axes, flight.control)
+    if flight.refused is not None:
+        drawing.draw_refused(axes, flight.refused)
+    title = f"{flight.field.name}: {len(flight.control)} segments, {flight.length:.2f} m"
+    if flight.gap is not None:
+        title += f", gap {100 * flight.gap:.1f} %"
+    if not flight.success:
+        title += f"\n{flight.outcome.sentence}"
+    axes.set_title(title)
+    axes.label_outer()
+
+
+def _horizons(flight: Flight) -> list[Array]:
+    """The planned windows that ended farthest from where the flight then went."""
+    chains = [
+        decision.chain
+        for decision in flight.decisions
+        if decision.chain is not None and decision.report.starts > 0
+    ]
+    if not chains:
+        return []
+    flown = evaluate(flight.control, np.linspace(0.0, 1.0, 30)).reshape(-1, 2)
+    ends = np.array([chain[-1, 1] for chain in chains])
+    aside = np.linalg.norm(ends[:, None] - flown, axis=-1).min(axis=1)
+    return [chains[k] for k in np.argsort(-aside, kind="stable")[:_WINDOWS]]
+
+
+def _legend(flights: Sequence[Flight]) -> list[Line2D]:
+    first, second = drawing.SEGMENTS
+    entries = [
+        Line2D([], [], color=drawing.START, marker="o", ls="", ms=5, label="start"),
+        Line2D([], [], color=drawing.GOAL, marker="*", ls="", ms=8, label="goal"),
+        Line2D([], [], color=first, lw=1.8, label="segments,"),
+        Line2D([], [], color=second, lw=1.8, label="alternating"),
+        Line2D([], [], mfc="white", mec="#333333", marker="o", ls="", ms=3, label="knots"),
+    ]
+    if any(flight.decisions for flight in flights):
+        label = "planned, then abandoned"
+        entries.append(Line2D([], [], color=drawing.HORIZON, ls="--", lw=0.9, label=label))
+    if any(flight.refused is not None for flight in flights):
+        entries.append(Line2D([], [], color=drawing.REFUSED, ls=":", lw=1.6, label="refused"))
+    return entries

@@ -1,0 +1,116 @@
+"""`ferguson plan`: one plan, for people and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from agents import tables
+from agents.flights import Flight
+from agents.pictures import draw_flights
+from ferguson_gym.feasibility import inspect
+from ferguson_gym.fields import Field
+from ferguson_gym.outcome import Outcome
+from planners.interface import Plan, Planner, depart
+
+SIXTY_DEGREES = math.radians(60.0)
+GRAVITY = 9.81
+"""[m/s^2]."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Report:
+    """A plan and what is told of it."""
+
+    name: str
+    """Of the planner."""
+    field: Field
+    seed: int
+    plan: Plan
+    wall_seconds: float
+
+    @property
+    def flight(self) -> Flight:
+        """The plan as the flight it describes."""
+        plan, control = self.plan, self.plan.control
+        clearance = (
+            float(inspect(control, self.field).clearance.min()) if len(control) else math.inf
+        )
+        return Flight(
+            policy=self.name,
+            field=self.field,
+            seed=self.seed,
+            outcome=Outcome.GOAL_REACHED if plan.success else Outcome.GAVE_UP,
+            control=control,
+            refused=None,
+            clearance=clearance,
+            seconds=self.wall_seconds,
+            decision_seconds=plan.step_seconds,
+            decisions=list(plan.decisions),
+        )
+
+    def to_json(self) -> str:
+        """One object; nulls where no path was found, or a number would be infinite."""
+        flight, found = self.flight, self.plan.success
+        return json.dumps(
+            {
+                "field": self.field.name,
+                "planner": self.name,
+                "seed": self.seed,
+                "status": self.plan.status.label,
+                "success": found,
+                "length": flight.length if found else None,
+                "exact_length": flight.exact_length,
+                "gap": flight.gap,
+                "clearance": _finite(flight.clearance) if found else None,
+                "segments": len(flight.control) if found else None,
+                "min_turn_radius": _finite(flight.min_turn_radius) if found else None,
+                "step_seconds": self.plan.step_seconds,
+                "wall_seconds": self.wall_seconds,
+                "control": flight.control.tolist() if found else None,
+            },
+            allow_nan=False,
+        )
+
+    def show(self) -> None:
+        """Print the plan for people."""
+        flight = self.flight
+        console = tables.console()
+        console.print(tables.windows(self.plan.decisions))
+        console.print(
+            f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
+        )
+        facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
+        if flight.gap is not None:
+            facts.append(
+                f"{100 * flight.gap:.2f} % above the shortest path, {flight.exact_length:.4f} m"
+            )
+        if len(flight.control):
+            radius = flight.min_turn_radius
+            fastest = math.sqrt(radius * GRAVITY * math.tan(SIXTY_DEGREES))
+            # design tolerance, not a collision: contact is shown as contact
+            clear = flight.clearance if abs(flight.clearance) > 1e-5 else 0.0
+            facts.append(f"clearance {clear:.3f} m")
+            facts.append(f"smallest turn radius {radius:.2f} m ({fastest:.1f} m/s at 60° of roll)")
+        facts.append(f"{self.plan.evaluations} function evaluations")
+        facts.append(f"{self.wall_seconds:.2f} s")
+        console.print(", ".join(facts))
+
+    def draw(self, path: Path) -> None:
+        """Write a picture of the plan."""
+        draw_flights([self.flight], path)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:
+    """Plan a field from its start."""
+    began = time.perf_counter()
+    result = planner.plan(field, depart(field), seed)
+    seconds = time.perf_counter() - began
+    return Report(name=name, field=field, seed=seed, plan=result, wall_seconds=seconds)

@@ -1,0 +1,93 @@
+"""Policies: what flies in the environment, and any planner as one."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ferguson_gym import flight
+from ferguson_gym.actions import Action, encode
+from ferguson_gym.fields import Field
+from ferguson_gym.observations import Observation
+from planners.catalog import PLANNERS, make
+from planners.interface import Decision, Plan, Planner, Replanner, State, depart
+
+
+class Policy(Protocol):
+    """Chooses actions in one flight at a time."""
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field."""
+
+    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+        """The next action, or None if the policy gives up."""
+
+
+class Expert(Policy, Protocol):
+    """A planner as a policy; it keeps what it decided for whoever looks on."""
+
+    decisions: list[Decision]
+    """Decisions of this flight so far."""
+
+
+class Replanning:
+    """A planner that decides anew at each step, from the state that was flown."""
+
+    def __init__(self, planner: Replanner) -> None:
+        self._planner = planner
+        self.decisions: list[Decision] = []
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field."""
+        self._field, self._seed = field, seed
+        self._tail = depart(field).tail
+        self.decisions = []
+
+    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+        """The action that flies the first segment of the planner's decision."""
+        decision = self._planner.decide(self._field, State(vehicle, self._tail), self._seed)
+        self.decisions.append(decision)
+        if decision.chain is None:
+            return None
+        self._tail = decision.chain[1:]
+        return encode(decision.chain[0], vehicle.position, vehicle.derivative)
+
+
+class Tracking:
+    """A planner that plans once, and whose plan is then followed segment by segment."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self.decisions: list[Decision] = []
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field."""
+        self._field, self._seed = field, seed
+        self._plan: Plan | None = None
+        self.decisions = []
+
+    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+        """The action that flies the plan's next segment; plans at the first call."""
+        if self._plan is None:
+            self._first = vehicle.segments
+            self._plan = self._planner.plan(self._field, State(vehicle), self._seed)
+            self.decisions = list(self._plan.decisions)
+        step = vehicle.segments - self._first
+        if step >= len(self._plan.control):
+            return None
+        return encode(self._plan.control[step], vehicle.position, vehicle.derivative)
+
+
+def expert(planner: Planner) -> Expert:
+    """A planner as a policy: replanning where it decides step by step, else tracking."""
+    return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)
+
+
+def make_policy(name: str) -> Policy:
+    """The policy of this name; so far, policies are planners.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if name not in PLANNERS:
+        raise ValueError(f"unknown policy {name!r}; policies are {', '.join(PLANNERS)}")
+    return expert(make(name))

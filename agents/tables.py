@@ -1,0 +1,144 @@
+"""Tables for the terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from agents.flights import Flight
+from ferguson_gym.paper import TABLE_I
+from planners.interface import Decision
+
+_NONE = "-"
+
+
+def console() -> Console:
+    """Standard output; without a terminal, wide enough for every table."""
+    standard = Console(highlight=False)
+    return standard if standard.is_terminal else Console(highlight=False, width=120)
+
+
+def _table(title: str, *columns: str, caption: str | None = None) -> Table:
+    table = Table(
+        title=title,
+        caption=caption,
+        title_justify="left",
+        caption_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_edge=False,
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+        collapse_padding=True,
+    )
+    for index, column in enumerate(columns):
+        table.add_column(column, justify="left" if index == 0 else "right", no_wrap=True)
+    return table
+
+
+def _median(values: Sequence[float | None], digits: int, scale: float = 1.0) -> str:
+    known = [scale * value for value in values if value is not None]
+    return f"{np.median(known):.{digits}f}" if known else _NONE
+
+
+def summary(flights: Sequence[Flight]) -> Table:
+    """A row for each policy; length, gap and segments are medians over its successes."""
+    table = _table(
+        "Evaluation",
+        "policy",
+        "flights",
+        "success",
+        "length [m]",
+        "gap [%]",
+        "segments",
+        "step [ms]",
+        "flight [s]",
+        caption="medians; length, gap and segments over successful flights",
+    )
+    for policy in dict.fromkeys(flight.policy for flight in flights):
+        flown = [flight for flight in flights if flight.policy == policy]
+        arrived = [flight for flight in flown if flight.success]
+        steps = [seconds for flight in flown for seconds in flight.decision_seconds]
+        table.add_row(
+            policy,
+            str(len(flown)),
+            f"{100 * len(arrived) / len(flown):.1f} %",
+            _median([flight.length for flight in arrived], 2),
+            _median([flight.gap for flight in arrived], 2, 100.0),
+            _median([len(flight.control) for flight in arrived], 0),
+            _median(steps, 1, 1000.0),
+            _median([flight.seconds for flight in flown], 2),
+        )
+    return table
+
+
+def paper_table(flights: Sequence[Flight]) -> Table | None:
+    """Flights through the paper's fields beside its Table I; None if there are none."""
+    known = [flight for flight in flights if flight.exact_length is not None]
+    if not known:
+        return None
+    table = _table(
+        "The paper's fields (reconstructed), in brackets its Table I",
+        "planner, field",
+        "flown",
+        "segments",
+        "func. eval.",
+        "length [m]",
+        "shortest",
+        caption="medians over successful flights; N/A: the paper found no path",
+    )
+    pairs = dict.fromkeys((flight.policy, flight.field.name) for flight in known)
+    for policy, name in pairs:
+        flown = [f for f in known if (f.policy, f.field.name) == (policy, name)]
+        arrived = [flight for flight in flown if flight.success]
+        cells = [
+            _median([len(f.control) for f in arrived], 0),
+            _median([f.evaluations for f in arrived], 0),
+            _median([f.length for f in arrived], 4),
+        ]
+        if (row := TABLE_I.get((policy, name))) is not None:
+            theirs = [
+                _printed(row.segments, 0),
+                _printed(row.evaluations, 0),
+                _printed(row.length, 4),
+            ]
+            cells = [f"{ours} ({paper})" for ours, paper in zip(cells, theirs, strict=True)]
+        arrivals = f"{len(arrived)}/{len(flown)}"
+        table.add_row(f"{policy} {name}", arrivals, *cells, f"{flown[0].exact_length:.4f}")
+    return table
+
+
+def _printed(value: float | None, digits: int) -> str:
+    return "N/A" if value is None else f"{value:.{digits}f}"
+
+
+def windows(decisions: Sequence[Decision]) -> Table:
+    """How each window of a plan came about."""
+    table = _table(
+        "Windows",
+        "step",
+        "start kept",
+        "feasible",
+        "objective [m]",
+        "func. eval.",
+        "rounds",
+        "ms",
+        "solver",
+    )
+    for decision in decisions:
+        report = decision.report
+        known = decision.chain is not None and report.starts > 0
+        table.add_row(
+            str(report.step),
+            report.start or "none",
+            f"{report.feasible}/{report.starts}",
+            f"{report.objective:.4f}" if known else _NONE,
+            str(report.evaluations),
+            str(report.rounds) if known else _NONE,
+            f"{1000 * report.seconds:.1f}",
+            report.solver_status if known else _NONE,
+        )
+    return table

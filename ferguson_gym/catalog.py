@@ -1,0 +1,70 @@
+"""Fields by name: `paper:1`, `standard/train:0-99`, a JSON file or a directory of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from ferguson_gym.fields import Field, from_json
+from ferguson_gym.paper import paper_field
+from ferguson_gym.suites import SPLITS, SUITES, suite_field
+
+_NAMED = re.compile(r"(?P<family>[^:]*):(?P<first>[0-9]+)(-(?P<last>[0-9]+))?")
+
+GRAMMAR = (
+    "fields are named paper:1 to paper:4, SUITE/SPLIT:SEED or SUITE/SPLIT:A-B (B included; "
+    f"suites {', '.join(SUITES)}; splits {', '.join(SPLITS)}), "
+    "or by the path of a JSON file or of a directory of such files"
+)
+"""How fields are named, in one sentence for help and errors."""
+
+
+def select(spec: str) -> Iterator[Field]:
+    """The fields that a specification names, one at a time.
+
+    Bad specifications raise here, before the first field is drawn.
+
+    Raises:
+        ValueError: an unknown suite, split, file or an empty range.
+    """
+    path = Path(spec)
+    if path.is_dir():
+        files = sorted(path.glob("*.json"))
+        if not files:
+            raise ValueError(f"no JSON files in directory {spec}")
+        return map(from_json, files)
+    if path.is_file():
+        return iter([from_json(path)])
+    match = _NAMED.fullmatch(spec)
+    if match is None:
+        if path.suffix == ".json":
+            raise ValueError(f"no such field file: {spec}")
+        raise ValueError(f"unknown field {spec!r}: {GRAMMAR}")
+    first = int(match["first"])
+    last = int(match["last"] or first)
+    if first > last:
+        raise ValueError(f"empty range in {spec!r}: {first} is above {last}")
+    if match["family"] == "paper":
+        draw = paper_field
+    else:
+        suite, slash, split = match["family"].partition("/")
+        if not slash:
+            raise ValueError(f"unknown field {spec!r}: {GRAMMAR}")
+        draw = partial(suite_field, suite, split)
+    draw(first), draw(last)  # the ends show whether the whole range is known
+    return map(draw, range(first, last + 1))
+
+
+def one(spec: str) -> Field:
+    """The single field that a specification names.
+
+    Raises:
+        ValueError: as `select`, or if it names more than one field.
+    """
+    fields = select(spec)
+    field = next(fields)
+    if next(fields, None) is not None:
+        raise ValueError(f"{spec!r} names more than one field")
+    return field

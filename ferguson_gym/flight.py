@@ -1,0 +1,85 @@
+"""One step of a flight: from a state and an action to the next state and its outcome."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym.actions import decode, encode
+from ferguson_gym.arrays import Array
+from ferguson_gym.feasibility import Inspection, inspect
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.outcome import Outcome
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Where the vehicle is. Kept apart from an action's end: a disturbance can come between."""
+
+    position: Array
+    """(2,) [m]."""
+    derivative: Array
+    """(2,) [m per unit t]; the next segment leaves with it."""
+    segments: int = 0
+    """Segments flown so far."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Step:
+    """What one action did."""
+
+    control: Array
+    """The segment (4, 2) that the action meant."""
+    inspection: Inspection
+    """What certification found along it."""
+    state: State
+    """The state after it; the state before it if the segment is not feasible."""
+    outcome: Outcome
+    """FLYING while the flight goes on."""
+
+    @property
+    def flown(self) -> bool:
+        """Whether the segment was feasible; a segment that is not is refused."""
+        return self.outcome in _FLOWN
+
+
+_FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
+
+
+def depart(field: Field) -> State:
+    """The state at the start of a field."""
+    return State(field.start, field.departure)
+
+
+def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPER_LIMITS) -> Step:
+    """Fly one action from a state: decode, snap to the goal, certify.
+
+    Raises:
+        ValueError: an action of another shape, not finite or outside [-1, 1].
+    """
+    control = decode(action, state.position, state.derivative, field.goal, limits.gate)
+    inspection = inspect(control, field)
+    outcome = inspection.outcome(limits)
+    if outcome is Outcome.FLYING:
+        state = State(control[1], control[3], state.segments + 1)
+        if np.array_equal(control[1], field.goal):
+            outcome = Outcome.GOAL_REACHED
+        elif state.segments >= limits.segments:
+            outcome = Outcome.OUT_OF_SEGMENTS
+    return Step(control=control, inspection=inspection, state=state, outcome=outcome)
+
+
+def follow(field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS) -> Step:
+    """Fly to the end of a segment as an action does it, rounded to float32.
+
+    Planners commit to segments through this function, so that a planned flight and the
+    same flight in the environment are equal bit for bit.
+
+    Raises:
+        ValueError: no action expresses the segment.
+    """
+    action = encode(segment, state.position, state.derivative)
+    return advance(field, state, action, limits)

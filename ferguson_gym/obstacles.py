@@ -1,0 +1,95 @@
+"""Obstacles as signed distance and its gradient, and discs, the obstacles of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym import clearance as certified
+from ferguson_gym.arrays import Array, GenericArray, finite, frozen
+
+
+class Obstacles(Protocol):
+    """What planners and the environment may ask of obstacles, whatever their shape."""
+
+    def __len__(self) -> int: ...
+
+    def signed_distance(self, points: GenericArray) -> GenericArray:
+        """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside."""
+
+    def gradient(self, points: Array) -> Array:
+        """Gradient of `signed_distance` with respect to the point: (*batch, n, D)."""
+
+    def near(self, point: ArrayLike, reach: float) -> Obstacles:
+        """The obstacles with a signed distance of at most `reach` [m] from a point."""
+
+    def clearance(self, control: ArrayLike) -> Array:
+        """Certified least signed distance along whole segments: (*batch,) [m]."""
+
+    def closest(self, control: ArrayLike) -> tuple[Array, Array]:
+        """Certified clearance from each obstacle and its parameter: 2 x (*batch, n)."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """Discs in the plane (balls in D dimensions); they may overlap.
+
+    Raises:
+        ValueError: mismatched shapes, NaN or infinity, radii that are not positive.
+    """
+
+    centers: Array
+    """Centres (n, D) [m]."""
+    radii: Array
+    """Radii (n,) [m]."""
+
+    def __post_init__(self) -> None:
+        centers = np.asarray(self.centers, dtype=object)
+        if centers.size == 0:
+            centers = np.empty((0, centers.shape[1] if centers.ndim == 2 else 2))
+        centers = finite("centers", centers, (None, None))
+        radii = finite("radii", self.radii, (None,))
+        if len(centers) != len(radii):
+            raise ValueError(
+                f"every disc needs a centre and a radius, got {len(centers)} centers "
+                f"and {len(radii)} radii"
+            )
+        if len(radii) and radii.min() <= 0.0:
+            raise ValueError(f"radii must be positive, got {radii.min():g} m")
+        object.__setattr__(self, "centers", frozen(centers))
+        object.__setattr__(self, "radii", frozen(radii))
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def signed_distance(self, points: GenericArray) -> GenericArray:
+        """Distance of points (*batch, D) to each disc: (*batch, n) [m], negative inside.
+
+        Complex points are differentiated by complex step: no conjugate is taken.
+        """
+        offset = points[..., None, :] - self.centers
+        distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
+        return distance
+
+    def gradient(self, points: Array) -> Array:
+        """Unit vectors away from the centres: (*batch, n, D); zero at a centre."""
+        offset = points[..., None, :] - self.centers
+        distance = np.sqrt(np.sum(offset * offset, axis=-1, keepdims=True))
+        unit: Array = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0.0)
+        return unit
+
+    def near(self, point: ArrayLike, reach: float) -> Discs:
+        """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
+        keep = self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach
+        return Discs(self.centers[keep], self.radii[keep])
+
+    def clearance(self, control: ArrayLike) -> Array:
+        """Certified least signed distance along whole segments: (*batch,) [m]."""
+        return certified.clearance(control, self.centers, self.radii)
+
+    def closest(self, control: ArrayLike) -> tuple[Array, Array]:
+        """Certified clearance from each disc and its parameter: 2 x (*batch, n)."""
+        return certified.closest(control, self.centers, self.radii)

@@ -1,0 +1,114 @@
+"""The paper's four fields, reconstructed, and what the paper printed of its flights.
+
+The paper names its fields rng(1) to rng(4) and gives no coordinates. These are rebuilt from
+one stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign`
+draws them, scaled to [5, 95], then 50 radii between 3 and 7 m. That they are the paper's is
+likely, not proved: rng(4) has the barrier of touching discs near (50, 40) that the paper
+describes, single-start is stuck on rng(2) and rng(4) as it was there, and no other order of
+the calls that was tried allows the paper's four path lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+
+FIELDS = (1, 2, 3, 4)
+
+
+def latin_hypercube(stream: np.random.RandomState, points: int) -> Array:
+    """A design (points, 2) in the unit square, as MATLAB's `lhsdesign(points, 2)` draws it.
+
+    Its defaults: smoothing on, criterion maximin, 5 designs of which the one with the
+    largest least distance between points is kept (the first wins a tie).
+    """
+    best, spread = np.empty((points, 2)), -1.0
+    for _ in range(5):
+        ranks = _columns(stream, points).argsort(axis=0).argsort(axis=0) + 1
+        design = (ranks - _columns(stream, points)) / points
+        offset = design[:, None] - design
+        distance2 = np.sum(offset * offset, axis=-1)
+        np.fill_diagonal(distance2, np.inf)
+        if distance2.min() > spread:
+            best, spread = design, float(distance2.min())
+    return best
+
+
+def _columns(stream: np.random.RandomState, points: int) -> Array:
+    # MATLAB fills a matrix column by column
+    return stream.random_sample((2, points)).T
+
+
+def draw_discs(
+    stream: np.random.RandomState,
+    per_design: int = 25,
+    designs: int = 2,
+    smallest: float = 3.0,
+    largest: float = 7.0,
+) -> Discs:
+    """Discs by the paper's recipe: Latin hypercubes on [5, 95]^2, uniform radii [m].
+
+    Reference:
+        The paper, section II.
+    """
+    centers = np.vstack([latin_hypercube(stream, per_design) for _ in range(designs)])
+    radii = smallest + (largest - smallest) * stream.random_sample(len(centers))
+    return Discs(90.0 * centers + 5.0, radii)
+
+
+def paper_field(number: int) -> Field:
+    """The field rng(number) of the paper, reconstructed; `number` from 1 to 4.
+
+    Raises:
+        ValueError: the paper has no such field.
+    """
+    if number not in FIELDS:
+        raise ValueError(f"the paper has fields 1 to 4, not {number}")
+    return Field(name=f"paper:{number}", obstacles=draw_discs(np.random.RandomState(number)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableRow:
+    """A row of the paper's Table I; None where the planner found no path."""
+
+    evaluations: int | None
+    """Function evaluations, as fmincon reported them."""
+    segments: int | None
+    length: float | None
+    """Path length [m], by chords."""
+
+
+TABLE_I: dict[tuple[str, str], TableRow] = {
+    ("single-start", "paper:2"): TableRow(evaluations=None, segments=None, length=None),
+    ("single-start", "paper:4"): TableRow(evaluations=None, segments=None, length=None),
+    ("multi-start", "paper:1"): TableRow(evaluations=10205, segments=11, length=157.7259),
+    ("multi-start", "paper:2"): TableRow(evaluations=11275, segments=11, length=153.6096),
+    ("multi-start", "paper:3"): TableRow(evaluations=11256, segments=11, length=150.8103),
+    ("multi-start", "paper:4"): TableRow(evaluations=6849, segments=11, length=145.0263),
+}
+"""The paper's Table I by planner and field."""
+
+EXACT_LENGTHS: dict[str, float] = {
+    "paper:1": 144.845765,
+    "paper:2": 144.338048,
+    "paper:3": 150.650512,
+    "paper:4": 142.959963,
+}
+"""Length [m] of the shortest path from start to goal through no open disc, to 1e-6 m."""
+
+
+def exact_length(field: Field) -> float | None:
+    """Length [m] of the shortest path through one of the paper's fields; else None."""
+    exact = EXACT_LENGTHS.get(field.name)
+    if exact is None or not isinstance(field.obstacles, Discs):
+        return None
+    own = paper_field(int(field.name.partition(":")[2])).obstacles
+    assert isinstance(own, Discs)
+    # a file may bear the name and hold another field
+    same = np.array_equal(field.obstacles.centers, own.centers)
+    return exact if same and np.array_equal(field.obstacles.radii, own.radii) else None

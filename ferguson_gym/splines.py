@@ -1,0 +1,198 @@
+"""Ferguson (cubic Hermite) segments in any number of dimensions, batched.
+
+A segment is a control array (..., 4, D) with rows start point, end point [m], start
+derivative, end derivative [m per unit t]; the parameter t runs through [0, 1].
+
+Reference:
+    Ferguson (1964), Multivariable curve interpolation, J. ACM 11(2); the paper,
+    section III-A.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym.arrays import Array, GenericArray
+
+_POWER_BASIS = np.array(
+    # rows: coefficients of 1, t, t^2, t^3; columns: F1..F4 of the paper
+    [[1, 0, 0, 0], [0, 0, 1, 0], [-3, 3, -2, -1], [2, -2, 1, 1]],
+    dtype=np.float64,
+)
+
+_TO_BEZIER = np.array([[1, 0, 0, 0], [1, 0, 1 / 3, 0], [0, 1, 0, -1 / 3], [0, 1, 0, 0]])
+_FROM_BEZIER = np.array([[1, 0, 0, 0], [0, 0, 0, 1], [-3, 3, 0, 0], [0, 0, -3, 3]], np.float64)
+
+
+def as_control(control: ArrayLike) -> Array:
+    """Return a control array (..., 4, D) in double precision.
+
+    Raises:
+        ValueError: another shape, or entries that are not finite numbers.
+    """
+    try:
+        array = np.asarray(control, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"a control array must hold numbers: {error}") from None
+    if array.ndim < 2 or array.shape[-2] != 4 or array.shape[-1] < 1:
+        raise ValueError(
+            "a control array has shape (..., 4, D): start, end, start derivative, "
+            f"end derivative; got {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError("a control array must be finite, got NaN or infinity in it")
+    return array
+
+
+def basis(t: ArrayLike, order: int = 0) -> Array:
+    """Weights of the four control rows in the `order`-th derivative at t: (n, 4).
+
+    Args:
+        t: (n,) parameter in [0, 1].
+        order: 0 for the point, 1 for the derivative, and so on.
+    """
+    t = np.asarray(t, dtype=np.float64)
+    powers = np.zeros((len(t), 4))
+    for power in range(order, 4):
+        factor = float(np.prod(np.arange(power, power - order, -1)))
+        powers[:, power] = factor * t ** (power - order)
+    return powers @ _POWER_BASIS
+
+
+def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
+    """Points on Ferguson segments.
+
+    Args:
+        control: (*batch, 4, D) rows start, end [m]; derivatives there [m per unit t].
+        t: (n,) parameter in [0, 1].
+
+    Returns:
+        (*batch, n, D) points [m].
+
+    Reference:
+        Ferguson (1964), Multivariable curve interpolation, J. ACM 11(2).
+    """
+    points: GenericArray = basis(t) @ np.asarray(control)
+    return points
+
+
+def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericArray:
+    """The `order`-th derivative with respect to t: (*batch, n, D) [m per unit t^order]."""
+    slopes: GenericArray = basis(t, order) @ np.asarray(control)
+    return slopes
+
+
+def curvature(control: ArrayLike, t: ArrayLike) -> Array:
+    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes."""
+    first = derivative(np.asarray(control), t, 1)
+    second = derivative(np.asarray(control), t, 2)
+    speed2 = np.sum(first * first, axis=-1)
+    dot = np.sum(first * second, axis=-1)
+    # Lagrange's identity, the cross product in any number of dimensions; the projection
+    # is subtracted first, since the difference of squares would cancel
+    with np.errstate(divide="ignore", invalid="ignore"):
+        normal = second - (dot / speed2)[..., None] * first
+        bend = np.sqrt(np.sum(normal * normal, axis=-1)) / speed2
+    return np.where(speed2 > 0.0, bend, np.inf)
+
+
+def max_curvature(control: ArrayLike) -> Array:
+    """Greatest curvature [1/m] of each segment: (*batch,); infinite at a cusp.
+
+    The extremes of curvature^2 = G / S^3, with S = |X'|^2 and G = |X' x X''|^2, are roots of
+    G'S - 3GS', a polynomial of degree 7.
+    """
+    control = as_control(control)
+    segments = control.reshape(-1, *control.shape[-2:])
+    return np.array([_max_curvature(one) for one in segments]).reshape(control.shape[:-2])
+
+
+def _max_curvature(control: Array) -> float:
+    scale = float(np.abs(control[2:]).max() + np.abs(control[1] - control[0]).max())
+    if scale == 0.0:
+        return np.inf
+    power = _POWER_BASIS @ np.vstack([control[:2] - control[0], control[2:]]) / scale
+    poly = np.polynomial.Polynomial
+    first = [poly(c).deriv(1) for c in power.T]
+    second = [poly(c).deriv(2) for c in power.T]
+    speed2 = sum((p * p for p in first), poly([0.0]))
+    area2 = poly([0.0])
+    for i in range(len(first)):
+        for j in range(i):
+            # the cubic terms of the cross product cancel; their rounding would not
+            cross = poly((first[i] * second[j] - first[j] * second[i]).coef[:3])
+            area2 = area2 + cross * cross
+    stationary = area2.deriv() * speed2 - 3 * area2 * speed2.deriv()
+    t = np.concatenate([[0.0, 1.0], _real_roots(stationary), _real_roots(speed2.deriv())])
+    if (speed2(t) <= 1e-24 * np.abs(speed2.coef).max()).any():
+        return np.inf
+    return float(curvature(control, t).max())
+
+
+def _real_roots(polynomial: np.polynomial.Polynomial) -> Array:
+    """Roots in (0, 1), and points near it: all are only candidates for an extreme."""
+    coefficients = np.trim_zeros(polynomial.coef, "b")
+    if len(coefficients) < 2:
+        return np.empty(0)
+    # real parts of complex roots too: a double root may split off the real axis
+    t = np.polynomial.polynomial.polyroots(coefficients).real
+    slope = polynomial.deriv()
+    for _ in range(3):  # near a cusp the roots of high degree need polishing
+        steep = slope(t)
+        t = t - np.divide(polynomial(t), steep, out=np.zeros_like(t), where=steep != 0.0)
+    inside: Array = t[(t > 0.0) & (t < 1.0)]
+    return inside
+
+
+def to_bezier(control: GenericArray) -> GenericArray:
+    """Bézier points (*batch, 4, D) [m] of the same cubic."""
+    points: GenericArray = _TO_BEZIER @ np.asarray(control)
+    return points
+
+
+def from_bezier(points: GenericArray) -> GenericArray:
+    """Control array (*batch, 4, D) of the cubic with these Bézier points."""
+    control: GenericArray = _FROM_BEZIER @ np.asarray(points)
+    return control
+
+
+def subdivide(control: ArrayLike, t: float = 0.5) -> tuple[Array, Array]:
+    """Split segments at t into two, each over its own parameter in [0, 1].
+
+    Returns:
+        Two control arrays (*batch, 4, D); derivatives are scaled to the new parameter.
+
+    Raises:
+        ValueError: t outside the open interval (0, 1).
+    """
+    if not 0.0 < t < 1.0:
+        raise ValueError(f"a segment is split at 0 < t < 1, got t = {t}")
+    control = as_control(control)
+    point = basis([t]) @ control
+    slope = basis([t], 1) @ control
+    start, end, leave, arrive = (control[..., row : row + 1, :] for row in range(4))
+    left = np.concatenate([start, point, t * leave, t * slope], axis=-2)
+    right = np.concatenate([point, end, (1 - t) * slope, (1 - t) * arrive], axis=-2)
+    return left, right
+
+
+def extent(control: ArrayLike) -> tuple[Array, Array]:
+    """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m].
+
+    Extremes of a cubic lie at its ends and at the roots of its derivative; a root's
+    rounding error moves the value only to second order.
+    """
+    control = np.asarray(control, dtype=np.float64)
+    a, b, c = (row @ control for row in (_POWER_BASIS[3] * 3, _POWER_BASIS[2] * 2, _POWER_BASIS[1]))
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
+        q = -0.5 * (b + np.copysign(root, b))
+        candidates = np.stack([q / a, c / q])
+    candidates = np.clip(np.nan_to_num(candidates, nan=0.0, posinf=0.0, neginf=0.0), 0.0, 1.0)
+    power = _POWER_BASIS @ control
+    values = power[..., 3, :]
+    for row in (2, 1, 0):
+        values = values * candidates + power[..., row, :]
+    values = np.concatenate([values, control[None, ..., 0, :], control[None, ..., 1, :]])
+    return values.min(axis=0), values.max(axis=0)

@@ -1,0 +1,36 @@
+"""Planners by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from planners.interface import Planner
+from planners.receding_horizon import RecedingHorizon
+
+
+def single_start() -> RecedingHorizon:
+    """The paper's planner from the shifted plan alone."""
+    return RecedingHorizon(random_starts=0)
+
+
+def multi_start() -> RecedingHorizon:
+    """The paper's planner from the shifted plan and 10 random feasible starts."""
+    return RecedingHorizon()
+
+
+PLANNERS: dict[str, Callable[[], Planner]] = {
+    "single-start": single_start,
+    "multi-start": multi_start,
+}
+"""Makers of planners by name."""
+
+
+def make(name: str) -> Planner:
+    """The planner of this name.
+
+    Raises:
+        ValueError: there is none.
+    """
+    if name not in PLANNERS:
+        raise ValueError(f"unknown planner {name!r}; planners are {', '.join(PLANNERS)}")
+    return PLANNERS[name]()

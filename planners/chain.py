@@ -1,0 +1,81 @@
+"""A chain of segments as the vector of unknowns that a solver moves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.arrays import Array, GenericArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Chain:
+    """Knots (n + 1, 2, D), rows point [m] and derivative [m per unit t], some of them free.
+
+    The unknowns x are the free numbers in this order; for the paper's window, all but the
+    first knot: P1, P1', P2, P2', P3, P3', twelve in the plane.
+
+    Reference:
+        The paper, section III-C1.
+    """
+
+    knots: Array
+    """Values of the numbers that are held, and a place for those that are not."""
+    free: NDArray[np.bool_]
+    """Which numbers the solver moves."""
+
+    @classmethod
+    def from_state(cls, position: Array, derivative: Array, segments: int) -> Chain:
+        """A chain that leaves a state, all its later knots free."""
+        knots = np.zeros((segments + 1, 2, len(position)))
+        knots[0] = position, derivative
+        free = np.ones(knots.shape, dtype=np.bool_)
+        free[0] = False
+        return cls(knots, free)
+
+    def ending_at(self, goal: Array) -> Chain:
+        """The same chain with its last point held at the goal."""
+        knots, free = self.knots.copy(), self.free.copy()
+        knots[-1, 0], free[-1, 0] = goal, False
+        return Chain(knots, free)
+
+    @property
+    def segments(self) -> int:
+        """Number of segments."""
+        return len(self.knots) - 1
+
+    def control(self, x: GenericArray) -> GenericArray:
+        """Segments (n, 4, D) for unknowns x, real or complex."""
+        knots = self.knots.astype(x.dtype)
+        knots[self.free] = x
+        return np.stack([knots[:-1, 0], knots[1:, 0], knots[:-1, 1], knots[1:, 1]], axis=1)
+
+    def unknowns(self, control: Array) -> Array:
+        """The unknowns x of segments (n, 4, D); what is held is not looked at."""
+        knots = np.empty(self.knots.shape)
+        knots[0] = control[0, 0], control[0, 2]
+        knots[1:, 0], knots[1:, 1] = control[:, 1], control[:, 3]
+        return knots[self.free]
+
+    def pull(self, rows: Array, segment: NDArray[np.intp]) -> Array:
+        """Gradients with respect to x: (m, unknowns).
+
+        Args:
+            rows: (m, 4, D) gradients with respect to one segment's control array.
+            segment: (m,) which segment each row belongs to.
+        """
+        m = len(rows)
+        whole = np.zeros((m, *self.knots.shape))
+        index = np.arange(m)
+        whole[index, segment] = rows[:, 0::2]
+        whole[index, segment + 1] = rows[:, 1::2]
+        return whole[:, self.free]
+
+    def bounds(self, low: Array, high: Array, steepest: float) -> tuple[Array, Array]:
+        """Box for x: points between `low` and `high` (D,) [m], derivatives within +-steepest."""
+        least, most = np.empty(self.knots.shape), np.empty(self.knots.shape)
+        least[:, 0], most[:, 0] = low, high
+        least[:, 1], most[:, 1] = -steepest, steepest
+        return least[self.free], most[self.free]

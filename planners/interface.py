@@ -1,0 +1,130 @@
+"""What every planner takes and gives: states, decisions, plans."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from ferguson_gym import flight
+from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import Limits
+from ferguson_gym.paths import Path
+
+
+class Status(Enum):
+    """How planning ended. Labels are stable: data carries them."""
+
+    SOLVED = ("solved", "found a feasible path to the goal")
+    STUCK = ("stuck", "found no feasible window from where it was")
+    OUT_OF_SEGMENTS = ("out_of_segments", "used up its segments before the goal")
+
+    def __init__(self, label: str, sentence: str) -> None:
+        self.label = label
+        """Stable name, as in files."""
+        self.sentence = sentence
+        """What people are shown."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class State:
+    """Where a flight is, and what the planner means to fly from there."""
+
+    vehicle: flight.State
+    tail: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
+    """Segments (m, 4, 2) planned and not flown yet; none at the start."""
+
+
+def depart(field: Field) -> State:
+    """The state at the start of a field, with nothing planned."""
+    return State(flight.depart(field))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowReport:
+    """How one decision came about."""
+
+    step: int
+    """Segments flown before it."""
+    start: str
+    """Which first guess led to the chain that was kept; empty if none did."""
+    objective: float
+    """Objective of that chain [m]; NaN if there is none."""
+    starts: int
+    """Guesses from which the solver was started."""
+    feasible: int
+    """How many of them led to a certified chain."""
+    evaluations: int
+    """Evaluations of the objective, over all starts."""
+    rounds: int
+    """Solves of the kept chain's problem until certification had nothing to add."""
+    solver_status: str
+    """The solver's word on the kept chain."""
+    seconds: float
+    """Time to decide, certification included."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What a planner would fly from a state."""
+
+    chain: Array | None
+    """Segments (n, 4, 2), certified; the first is flown next. None: no way on was found."""
+    report: WindowReport
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Plan:
+    """A flight as a planner found it: what it reports as solved is certified feasible."""
+
+    status: Status
+    control: Array
+    """Segments (n, 4, 2) as they will be flown; those flown so far where it failed."""
+    states: Sequence[State]
+    """States before each segment, and the last: n + 1. Planning from `states[k]` gives the
+    rest of this plan again."""
+    decisions: Sequence[Decision]
+    """One for each segment, and the failed one where it failed."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the path is feasible and ends on the goal."""
+        return self.status is Status.SOLVED
+
+    @property
+    def path(self) -> Path | None:
+        """The path to the goal; None if none was found."""
+        return Path(self.control) if self.success else None
+
+    @property
+    def step_seconds(self) -> list[float]:
+        """Time to decide each segment, certification included [s]."""
+        return [decision.report.seconds for decision in self.decisions]
+
+    @property
+    def evaluations(self) -> int:
+        """Evaluations of the objective in the whole flight."""
+        return sum(decision.report.evaluations for decision in self.decisions)
+
+
+class Planner(Protocol):
+    """Field and state in, certified plan out."""
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        """Plan from a state to the goal. Randomness of a step comes from (seed, step)."""
+
+
+@runtime_checkable
+class Replanner(Planner, Protocol):
+    """A planner that decides one segment at a time, from the state that was flown."""
+
+    @property
+    def limits(self) -> Limits:
+        """What a segment may be."""
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        """Decide the next segment, and what is meant to follow it."""

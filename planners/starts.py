@@ -1,0 +1,71 @@
+"""First guesses for a window: the shifted plan, a straight line, random feasible chains.
+
+The paper leaves open how its random guesses choose derivatives and what the very first
+guess is; the choices made here are named in the docstrings.
+
+Reference:
+    The paper, section III-C6.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.flight import State
+from ferguson_gym.limits import Limits
+
+
+def straight(state: State, segments: int, limits: Limits) -> Array:
+    """A straight chain (segments, 4, D) along the state's derivative, of middling length.
+
+    Our choice where there is no earlier plan to shift.
+    """
+    step = 0.5 * (limits.shortest + limits.longest)
+    ahead = step * state.derivative / np.linalg.norm(state.derivative)
+    points = state.position + np.arange(segments + 1)[:, None] * ahead
+    return through(state, points)
+
+
+def shifted(state: State, tail: Array, segments: int) -> Array:
+    """The segments of the last plan not flown yet, the last point and derivative repeated.
+
+    Args:
+        state: where the vehicle is; the chain starts there.
+        tail: (m, 4, D) segments planned and not flown, m >= 1.
+        segments: number of segments of the chain.
+
+    Returns:
+        (segments, 4, D); repeated segments have no length and are not feasible, but free to
+        expand.
+    """
+    chain = np.empty((segments, 4, tail.shape[-1]))
+    chain[: len(tail)] = tail[:segments]
+    chain[0, 0], chain[0, 2] = state.position, state.derivative
+    for k in range(len(tail), segments):
+        chain[k] = chain[k - 1, (1, 1, 3, 3), :]
+    return chain
+
+
+def random_chain(stream: np.random.Generator, state: State, segments: int, limits: Limits) -> Array:
+    """A random chain (segments, 4, D), in the plane; it need not be feasible.
+
+    Each point lies in a uniformly random direction from the one before, at a distance
+    uniform between the shortest and the longest segment. Our choice of derivatives: half
+    the way from the point before to the point after (Catmull-Rom), at the end the last
+    step itself.
+    """
+    distance = stream.uniform(limits.shortest, limits.longest, segments)
+    angle = stream.uniform(-np.pi, np.pi, segments)
+    steps = distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.vstack([state.position, state.position + np.cumsum(steps, axis=0)])
+    return through(state, points)
+
+
+def through(state: State, points: Array) -> Array:
+    """A chain (n, 4, D) through points (n + 1, D) with Catmull-Rom derivatives."""
+    slopes = np.empty_like(points)
+    slopes[0] = state.derivative
+    slopes[1:-1] = 0.5 * (points[2:] - points[:-2])
+    slopes[-1] = points[-1] - points[-2]
+    return np.stack([points[:-1], points[1:], slopes[:-1], slopes[1:]], axis=1)
