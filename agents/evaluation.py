@@ -54,7 +54,9 @@ def evaluate(
     if (paper := tables.paper_table(flown)) is not None:
         console.print(paper)
     pictures = ", ".join(f"{policy}.png" for policy in policies)
-    console.print(f"wrote flights.csv, timings.csv, paths.npz, {pictures} to {directory}")
+    console.print(
+        f"wrote flights.csv, timings.csv, paths.npz, {pictures} to {directory}", markup=False
+    )
     return flown
 
 

@@ -16,10 +16,6 @@ from ferguson_gym.fields import Field
 from ferguson_gym.outcome import Outcome
 from planners.interface import Plan, Planner, depart
 
-SIXTY_DEGREES = math.radians(60.0)
-GRAVITY = 9.81
-"""[m/s^2]."""
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Report:
@@ -90,11 +86,10 @@ class Report:
             )
         if len(flight.control):
             radius = flight.min_turn_radius
-            fastest = math.sqrt(radius * GRAVITY * math.tan(SIXTY_DEGREES))
             # design tolerance, not a collision: contact is shown as contact
             clear = flight.clearance if abs(flight.clearance) > 1e-5 else 0.0
             facts.append(f"clearance {clear:.3f} m")
-            facts.append(f"smallest turn radius {radius:.2f} m ({fastest:.1f} m/s at 60° of roll)")
+            facts.append(f"smallest turn radius {radius:.3g} m")
         facts.append(f"{self.plan.evaluations} function evaluations")
         facts.append(f"{self.wall_seconds:.2f} s")
         console.print(", ".join(facts))

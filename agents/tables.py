@@ -8,6 +8,7 @@ import numpy as np
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
 from agents.flights import Flight
 from ferguson_gym.paper import TABLE_I
@@ -35,7 +36,7 @@ def _table(title: str, *columns: str, caption: str | None = None) -> Table:
         collapse_padding=True,
     )
     for index, column in enumerate(columns):
-        table.add_column(column, justify="left" if index == 0 else "right", no_wrap=True)
+        table.add_column(Text(column), justify="left" if index == 0 else "right", no_wrap=True)
     return table
 
 

@@ -4,8 +4,8 @@ An action (4,) in [-1, 1] names the end point and end derivative of a planar seg
 frame that is turned with the vehicle (first axis forward, second to the left):
 
 - end point: `REACH` times the Möbius translation (q + z) / (1 + q z) of z = a[0] + i a[1].
-  The unit disc is mapped onto itself, smoothly, so every end point within 15 m has exactly
-  one action, and z = 0 is 9 m ahead (q = 0.6).
+  The unit disc is mapped onto itself, smoothly, so every end point within 15.001 m has
+  exactly one action, and z = 0 is 9 m ahead (q = 9 / 15.001).
 - end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and
   coarse far out; forward w = (p + a[2]) / (1 + p a[2]), sideways w = a[3], and zero is a
   derivative of 9 m per unit t, straight ahead.
@@ -26,8 +26,8 @@ from ferguson_gym.arrays import Array, finite
 
 Action: TypeAlias = NDArray[np.float32]
 
-REACH = 15.0
-"""Distance of the farthest end point [m]."""
+REACH = 15.001
+"""Distance of the farthest end point [m]: the longest segment, the tolerance, and some."""
 STEEPEST = 66.0
 """Largest coordinate of an end derivative [m per unit t]."""
 AHEAD = 9.0

@@ -55,8 +55,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     | 2 | end derivative, forward | -66 m | 9 m | 66 m |
     | 3 | end derivative, to the left | -66 m | 0 m | 66 m |
 
-    Entries 0 and 1 act together: the end point is 15 m (q + z) / (1 + q z) with
-    z = a[0] + i a[1] and q = 0.6, the real axis forward. An end point within 1 m of the goal
+    Entries 0 and 1 act together: the end point is 15.001 m (q + z) / (1 + q z) with
+    z = a[0] + i a[1] and q = 9 / 15.001, the real axis forward. An end point within 1 m of the goal
     is moved onto the goal.
 
     ## Observation space

@@ -53,6 +53,10 @@ class Field:
     def __post_init__(self) -> None:
         start = finite("start", self.start, (None,))
         goal = finite("goal", self.goal, (len(start),))
+        if self.obstacles.dimension != len(start):
+            raise ValueError(
+                f"obstacles have {self.obstacles.dimension} dimensions, start and goal {len(start)}"
+            )
         bounds = finite(
             "bounds", self.bounds, (2, len(start)) if np.ndim(self.bounds) > 1 else (2,)
         )

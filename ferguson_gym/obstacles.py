@@ -15,6 +15,10 @@ from ferguson_gym.arrays import Array, GenericArray, finite, frozen
 class Obstacles(Protocol):
     """What planners and the environment may ask of obstacles, whatever their shape."""
 
+    @property
+    def dimension(self) -> int:
+        """D of the space they stand in."""
+
     def __len__(self) -> int: ...
 
     def signed_distance(self, points: GenericArray) -> GenericArray:
@@ -61,6 +65,11 @@ class Discs:
             raise ValueError(f"radii must be positive, got {radii.min():g} m")
         object.__setattr__(self, "centers", frozen(centers))
         object.__setattr__(self, "radii", frozen(radii))
+
+    @property
+    def dimension(self) -> int:
+        """D of the space they stand in."""
+        return int(self.centers.shape[1])
 
     def __len__(self) -> int:
         return len(self.radii)

@@ -136,13 +136,12 @@ def _real_roots(polynomial: np.polynomial.Polynomial) -> Array:
     if len(coefficients) < 2:
         return np.empty(0)
     # real parts of complex roots too: a double root may split off the real axis
-    t = np.polynomial.polynomial.polyroots(coefficients).real
+    t = np.asarray(np.polynomial.polynomial.polyroots(coefficients).real, dtype=np.float64)
     slope = polynomial.deriv()
     for _ in range(3):  # near a cusp the roots of high degree need polishing
         steep = slope(t)
         t = t - np.divide(polynomial(t), steep, out=np.zeros_like(t), where=steep != 0.0)
-    inside: Array = t[(t > 0.0) & (t < 1.0)]
-    return inside
+    return t[(t > 0.0) & (t < 1.0)]
 
 
 def to_bezier(control: GenericArray) -> GenericArray:

@@ -1,0 +1,99 @@
+"""Evaluation: its files, and that they do not depend on the number of workers."""
+
+import csv
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.evaluation import evaluate
+from agents.flights import Flight
+from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS
+from ferguson_gym.arc_length import length
+from ferguson_gym.catalog import select
+from ferguson_gym.feasibility import is_feasible
+
+FIELDS = [*select("sparse/train:0-2"), *select("paper:4")]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Flight]]:
+    directory = tmp_path_factory.mktemp("one") / "results"
+    return directory, evaluate(["single-start"], FIELDS, range(2), directory)
+
+
+def rows(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def test_flights_csv_has_a_row_for_every_policy_field_and_seed(
+    run: tuple[Path, list[Flight]],
+) -> None:
+    table = rows(run[0] / "flights.csv")
+    assert tuple(table[0]) == FLIGHT_COLUMNS
+    keys = [(row["policy"], row["field"], row["seed"]) for row in table]
+    assert keys == [("single-start", f.name, str(s)) for f in FIELDS for s in range(2)]
+    assert {row["outcome"] for row in table} >= {"goal_reached", "gave_up"}
+
+
+def test_rows_agree_with_the_paths(run: tuple[Path, list[Flight]]) -> None:
+    paths = np.load(run[0] / "paths.npz")
+    table = rows(run[0] / "flights.csv")
+    offsets = paths["offsets"]
+    assert len(offsets) == len(table) + 1
+    assert offsets[-1] == len(paths["control"])
+    for k, row in enumerate(table):
+        control = paths["control"][offsets[k] : offsets[k + 1]]
+        field = next(f for f in FIELDS if f.name == row["field"])
+        assert (paths["policy"][k], paths["field"][k], str(paths["seed"][k])) == (
+            row["policy"],
+            row["field"],
+            row["seed"],
+        )
+        assert int(row["segments"]) == len(control)
+        assert float(row["length"]) == pytest.approx(length(control).sum(), rel=1e-12)
+        assert is_feasible(control, field).all()
+        success = row["outcome"] == "goal_reached"
+        assert row["success"] == str(int(success))
+        assert success == bool(np.array_equal(control[-1, 1], field.goal))
+
+
+def test_gaps_are_given_where_the_exact_length_is_known(run: tuple[Path, list[Flight]]) -> None:
+    for row in rows(run[0] / "flights.csv"):
+        if row["field"] != "paper:4":
+            assert row["exact_length"] == row["gap"] == ""
+        else:
+            assert float(row["exact_length"]) == 142.959963
+            assert (row["gap"] == "") == (row["success"] == "0")
+
+
+def test_timings_have_the_same_keys(run: tuple[Path, list[Flight]]) -> None:
+    timings = rows(run[0] / "timings.csv")
+    assert tuple(timings[0]) == TIMING_COLUMNS
+    keys = ("policy", "field", "seed")
+    assert [[row[key] for key in keys] for row in timings] == [
+        [row[key] for key in keys] for row in rows(run[0] / "flights.csv")
+    ]
+    for row in timings:
+        assert 0.0 <= float(row["decision_seconds_median"]) <= float(row["decision_seconds_max"])
+        assert float(row["decision_seconds_max"]) <= float(row["seconds"])
+
+
+def test_two_workers_write_the_same_flights(run: tuple[Path, list[Flight]], tmp_path: Path) -> None:
+    evaluate(["single-start"], FIELDS, range(2), tmp_path, workers=2)
+    assert (tmp_path / "flights.csv").read_bytes() == (run[0] / "flights.csv").read_bytes()
+    one, two = np.load(run[0] / "paths.npz"), np.load(tmp_path / "paths.npz")
+    for key in one.files:
+        np.testing.assert_array_equal(one[key], two[key])
+
+
+def test_pictures_are_written(run: tuple[Path, list[Flight]]) -> None:
+    picture = run[0] / "single-start.png"
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in run[0].iterdir()) == [
+        "flights.csv",
+        "paths.npz",
+        "single-start.png",
+        "timings.csv",
+    ]

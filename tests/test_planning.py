@@ -1,0 +1,230 @@
+"""The paper's planner: what it reports is feasible, and replanning continues a plan."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ferguson_gym import flight
+from ferguson_gym.catalog import one
+from ferguson_gym.feasibility import inspect, is_feasible
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.splines import derivative, evaluate
+from planners.catalog import PLANNERS, make
+from planners.exchange import AIM, broken_rows, solve_certified
+from planners.interface import Plan, State, Status, depart
+from planners.receding_horizon import RecedingHorizon
+from planners.solvers import Slsqp
+from planners.starts import random_chain, shifted, straight
+from planners.window import WindowSettings, final_problem, horizon_problem
+
+OPEN = Field(name="open", obstacles=Discs([], []))
+
+
+def assert_may_be_flown(plan: Plan, field: Field) -> None:
+    """Checked without the project's certificates: densely sampled, and by definition."""
+    control = plan.control
+    t = np.linspace(0.0, 1.0, 2001)
+    points, slopes = evaluate(control, t), derivative(control, t)
+    np.testing.assert_array_equal(control[0, 0], field.start)
+    np.testing.assert_array_equal(control[0, 2], field.departure)
+    np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
+    np.testing.assert_array_equal(control[-1, 1], field.goal)
+    if len(field.obstacles):
+        assert field.obstacles.signed_distance(points).min() >= -1e-5
+    speed = np.linalg.norm(slopes, axis=-1)
+    assert speed.min() >= 0.1 - 1e-5
+    assert ((points >= field.bounds[0] - 1e-5) & (points <= field.bounds[1] + 1e-5)).all()
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(axis=1)
+    assert lengths.min() >= 3.0 - 1e-4
+    assert lengths.max() <= 15.0 + 1e-5
+    assert is_feasible(control, field).all()
+
+
+@pytest.fixture(scope="module")
+def sparse_plans() -> dict[tuple[str, str], Plan]:
+    names = ("sparse/train:0", "sparse/train:1", "traps/train:0")
+    fields = {name: one(name) for name in names}
+    return {
+        (planner, name): make(planner).plan(field, depart(field), 3)
+        for planner in PLANNERS
+        for name, field in fields.items()
+        if planner != "multi-start" or name.startswith("sparse")
+    }
+
+
+def test_every_success_is_feasible_and_ends_on_the_goal(
+    sparse_plans: dict[tuple[str, str], Plan],
+) -> None:
+    assert any(plan.success for plan in sparse_plans.values())
+    for (_, name), plan in sparse_plans.items():
+        if plan.success:
+            assert_may_be_flown(plan, one(name))
+        else:
+            assert plan.path is None
+
+
+def test_multi_start_reaches_the_goal_of_sparse_fields(
+    sparse_plans: dict[tuple[str, str], Plan],
+) -> None:
+    for name in ("sparse/train:0", "sparse/train:1"):
+        plan = sparse_plans["multi-start", name]
+        assert plan.success
+        assert 10 <= len(plan.control) <= 12
+        assert plan.path is not None
+        assert plan.path.length < 1.1 * one(name).distance
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_replanning_in_the_middle_gives_the_rest_of_the_plan(
+    planner: str, sparse_plans: dict[tuple[str, str], Plan]
+) -> None:
+    name = "sparse/train:1"
+    plan = sparse_plans[planner, name]
+    middle = len(plan.control) - 4
+    again = make(planner).plan(one(name), plan.states[middle], 3)
+    assert again.status is plan.status
+    np.testing.assert_array_equal(again.control, plan.control[middle:])
+
+
+def test_every_window_is_reported(sparse_plans: dict[tuple[str, str], Plan]) -> None:
+    plan = sparse_plans["multi-start", "sparse/train:0"]
+    assert [decision.report.step for decision in plan.decisions] == list(range(len(plan.control)))
+    first, last = plan.decisions[0].report, plan.decisions[-1].report
+    assert first.start == "straight" or first.start.startswith("random")
+    assert 1 < first.feasible <= first.starts <= 12
+    assert first.evaluations > first.starts
+    assert first.seconds > 0.0
+    assert first.solver_status == "converged"
+    assert last.start == "planned"
+    assert last.starts == 0
+    assert plan.evaluations == sum(d.report.evaluations for d in plan.decisions)
+
+
+def test_an_open_field_is_flown_straight() -> None:
+    plan = make("single-start").plan(OPEN, depart(OPEN), 0)
+    assert plan.success
+    assert plan.path is not None
+    assert plan.path.length == pytest.approx(OPEN.distance, rel=1e-6)
+    assert len(plan.control) == 10
+
+
+@pytest.mark.parametrize("distance", [2.0, 3.5, 7.0, 10.0, 40.0])
+def test_planning_from_near_the_goal(distance: float) -> None:
+    position = OPEN.goal - distance / np.sqrt(2.0)
+    vehicle = flight.State(position, np.array([4.0, 4.0]), 5)
+    plan = make("multi-start").plan(OPEN, State(vehicle), 0)
+    assert plan.success
+    assert plan.path is not None
+    assert plan.path.length <= max(distance, 3.0) * 1.2
+
+
+def test_a_walled_in_start_is_stuck() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
+    plan = RecedingHorizon(random_starts=2).plan(
+        walled := Field(name="ring", obstacles=ring), depart(walled), 0
+    )
+    assert plan.status in (Status.STUCK, Status.OUT_OF_SEGMENTS)
+    assert plan.path is None
+    assert is_feasible(plan.control, walled).all()
+
+
+def test_a_flight_ends_when_its_segments_are_used_up() -> None:
+    planner = RecedingHorizon(random_starts=0, limits=replace(PAPER_LIMITS, segments=4))
+    plan = planner.plan(OPEN, depart(OPEN), 0)
+    assert plan.status is Status.OUT_OF_SEGMENTS
+    assert len(plan.control) == 4
+
+
+def test_hundreds_of_obstacles_and_none_within_reach() -> None:
+    stream = np.random.default_rng(0)
+    far = Discs(stream.uniform([60.0, 5.0], [95.0, 40.0], (300, 2)), np.full(300, 1.0))
+    field = Field(name="far", obstacles=far)
+    plan = make("single-start").plan(field, depart(field), 0)
+    assert plan.success
+    assert_may_be_flown(plan, field)
+
+
+def test_exchange_closes_what_samples_miss() -> None:
+    # a disc so small that it hides between the paper's samples of a straight flight
+    disc = Discs([[4.7, 4.7]], [0.08])
+    field = Field(name="pin", obstacles=disc)
+    problem = horizon_problem(field, flight.depart(field), PAPER_LIMITS, WindowSettings(), 3)
+    guess = problem.chain.unknowns(straight(flight.depart(field), 3, PAPER_LIMITS))
+    sampled = problem.chain.control(Slsqp().solve(problem, guess).x)
+    assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
+    assert not is_feasible(sampled, field).all()
+    certified = solve_certified(Slsqp(), problem, guess, field, PAPER_LIMITS)
+    assert certified.feasible
+    assert certified.rounds > 1
+    assert is_feasible(certified.control, field, tolerance=AIM).all()
+    assert certified.solution.objective <= float(problem.f(problem.chain.unknowns(sampled))) * 1.01
+
+
+@pytest.mark.parametrize(
+    ("segment", "kind"),
+    [
+        ([[0, 0], [9, 0], [9, 0], [9, 0]], None),
+        ([[0, 0], [20, 0], [20, 0], [20, 0]], "LengthBounds"),
+        ([[0, 0], [1, 0], [1, 0], [1, 0]], "LengthBounds"),
+        ([[0, 0], [6, 6], [0, 0], [6, 6]], "SpeedAt"),
+        ([[-9, 0], [-9, 6], [-12, 0], [12, 0]], "InsideAt"),
+        ([[20, 50], [32, 50], [12, 0], [12, 0]], "ClearanceAt"),
+    ],
+)
+def test_certification_names_the_row_that_is_broken(
+    segment: list[list[float]], kind: str | None
+) -> None:
+    field = Field(name="disc", obstacles=Discs([[26.0, 50.0]], [1.0]))
+    rows = broken_rows(np.array([segment], dtype=float), field, PAPER_LIMITS)
+    assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
+    for row in rows:
+        assert row.values(np.array([segment], dtype=float)).min() < -AIM
+
+
+def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
+    vehicle = flight.depart(OPEN)
+    chain = straight(vehicle, 3, PAPER_LIMITS)
+    guess = shifted(flight.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
+    np.testing.assert_array_equal(guess[:2], chain[1:])
+    np.testing.assert_array_equal(guess[2], chain[2][[1, 1, 3, 3]])
+
+
+def test_random_chains_keep_to_the_step_radii_and_join() -> None:
+    vehicle = flight.depart(OPEN)
+    stream = np.random.default_rng(0)
+    chains = np.array([random_chain(stream, vehicle, 3, PAPER_LIMITS) for _ in range(200)])
+    chords = np.linalg.norm(chains[:, :, 1] - chains[:, :, 0], axis=-1)
+    assert chords.min() >= 3.0
+    assert chords.max() <= 15.0
+    assert chords.min() < 3.5
+    assert chords.max() > 14.5
+    np.testing.assert_array_equal(chains[:, 1:, (0, 2)], chains[:, :-1, (1, 3)])
+    assert (chains[:, 0, 2] == vehicle.derivative).all()
+
+
+def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
+    field = one("paper:1")
+    vehicle = flight.depart(field)
+    near = horizon_problem(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    every = final_problem(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
+    assert 0 < within < 50
+    guess = straight(vehicle, 3, PAPER_LIMITS)
+    assert len(near.c(near.chain.unknowns(guess))) == 6 + 3 * 29 * within
+    assert len(every.c(every.chain.unknowns(guess))) == 6 + 3 * 29 * 50
+
+
+def test_an_unknown_planner_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="unknown planner 'nobody'; planners are single-start"):
+        make("nobody")
+
+
+def test_clearance_of_a_plan_is_contact_or_more(
+    sparse_plans: dict[tuple[str, str], Plan],
+) -> None:
+    plan = sparse_plans["multi-start", "sparse/train:0"]
+    assert inspect(plan.control, one("sparse/train:0")).clearance.min() >= -1e-5
