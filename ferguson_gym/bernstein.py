@@ -21,9 +21,12 @@ from ferguson_gym.compilation import compiled
 SHARPNESS = 1e-10
 """The least norm found exceeds the true one by at most this part of the curve's scale."""
 DEPTH = 96
-"""Pieces held at once; each halving adds one, and no piece is halved below SHARPNESS."""
+"""Pieces held at once. A split leaves at most 3/4, so 96 reach below SHARPNESS; without the
+bound, numbers that overflowed would run out of the scratch memory."""
 _ROUNDING = 64.0 * 2.0**-52
 """Bound on the error of a coefficient of |Y|^2, relative to the largest |Y_i|^2."""
+_UNCONVEX = 16.0
+"""What rounding may hide of a convex polynomial's bend and slope, in units of that error."""
 
 
 @compiled
@@ -160,16 +163,16 @@ def least_norm(
             if np.sqrt(norm2) < best:
                 best, where = float(np.sqrt(norm2)), start + t * (end - start)
                 goal = min(best - SHARPNESS, enough)
-            if goal <= 0.0 or bound - 2.0 * noise >= goal * goal:
+            if goal <= 0.0 or bound - _UNCONVEX * noise >= goal * goal:
                 top -= 1
                 continue
-            if 1e-3 < t < 1.0 - 1e-3:
+            if 0.25 < t < 0.75:  # a piece that hardly shrinks would fill the stack
                 split = t
         spread = 0.0
         for i in range(1, degree + 1):
             for d in range(dimension):
                 spread = max(spread, abs(piece[i, d] - piece[0, d]))
-        if 2.0 * spread <= SHARPNESS or top + 2 > DEPTH:
+        if dimension * spread <= SHARPNESS or top + 2 > DEPTH:
             top -= 1
             continue
         # de Casteljau: the left half goes on top, the right half stays below it

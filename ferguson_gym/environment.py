@@ -150,6 +150,8 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
         self.observation_space = observation_space(nearest)
         self._field: Field | None = None
+        self._steps: list[Step] = []
+        self._outcome = Outcome.FLYING
         self._viewer: Any = None
 
     @property
@@ -166,7 +168,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     @property
     def state(self) -> State:
         """The vehicle's state, exactly; observations are rounded and clipped."""
-        return self._state
+        return self._steps[-1].state if self._steps else depart(self.field)
 
     @property
     def control(self) -> Array:
@@ -189,8 +191,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         """
         super().reset(seed=seed)
         self._field = self._choose(seed, options or {})
-        self._state = depart(self._field)
-        self._steps: list[Step] = []
+        self._steps = []
         self._outcome = Outcome.FLYING
         if self.render_mode == "human":
             self.render()
@@ -224,10 +225,10 @@ class ObstacleField(gym.Env[Observation, Action]):
         field = self.field
         if self._outcome is not Outcome.FLYING:
             raise RuntimeError(f"the flight is over ({self._outcome.sentence}): call reset()")
-        before = self._state
+        before = self.state
         step = advance(field, before, np.asarray(action, dtype=np.float32), self.limits)
         self._steps.append(step)
-        self._state, self._outcome = step.state, step.outcome
+        self._outcome = step.outcome
         if self.render_mode == "human":
             self.render()
         truncated = step.outcome is Outcome.OUT_OF_SEGMENTS
@@ -236,14 +237,14 @@ class ObstacleField(gym.Env[Observation, Action]):
         return self._observation(), gain, terminated, truncated, self._info()
 
     def _observation(self) -> Observation:
-        return observe(self.field, self._state, self.limits, self.nearest)
+        return observe(self.field, self.state, self.limits, self.nearest)
 
     def _info(self) -> dict[str, Any]:
         flown = [step.inspection for step in self._steps if step.flown]
         obstacles = self.field.obstacles
         clear = [float(one.clearance) for one in flown]
         if len(obstacles):
-            clear.append(float(obstacles.signed_distance(self._state.position).min()))
+            clear.append(float(obstacles.signed_distance(self.state.position).min()))
         return {
             "is_success": self._outcome.success,
             "outcome": self._outcome.code,

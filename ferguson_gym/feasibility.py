@@ -48,7 +48,7 @@ class Inspection:
 
     def outcome(self, limits: Limits = PAPER_LIMITS) -> Outcome:
         """FLYING if the (single) segment is feasible, else why it is not."""
-        failed = np.flatnonzero(self.slack(limits) < -limits.tolerance)
+        failed = np.flatnonzero(~(self.slack(limits) >= -limits.tolerance))
         return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
 
 

@@ -26,7 +26,7 @@ from planners.interface import Decision, Plan, State, WindowReport
 from planners.problem import Problem
 from planners.rollout import roll_out
 from planners.solvers import Slsqp, Solver
-from planners.starts import random_chain, shifted, straight
+from planners.starts import RandomGuess, random_chain, shifted, straight
 from planners.window import WindowSettings, final_problem, horizon_problem
 
 
@@ -42,6 +42,8 @@ class RecedingHorizon:
     """Random feasible guesses beside the shifted plan, for each window."""
     draws: int = 10
     """Most draws for each of them; a start that stays infeasible is left out."""
+    random_guess: RandomGuess = random_chain
+    """How a random guess is drawn."""
     solver: Solver = field(default_factory=Slsqp)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
@@ -97,7 +99,7 @@ class RecedingHorizon:
         low, high = problem.bounds
         for start in range(1, self.random_starts + 1):
             for _ in range(self.draws):
-                guess = random_chain(stream, vehicle, segments, self.limits)
+                guess = self.random_guess(stream, vehicle, segments, self.limits)
                 x = problem.chain.unknowns(guess)
                 if (low <= x).all() and (x <= high).all() and problem.c(x).min() >= 0.0:
                     yield f"random {start}", guess

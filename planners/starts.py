@@ -9,11 +9,17 @@ Reference:
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.flight import State
 from ferguson_gym.limits import Limits
+
+RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits], Array]
+"""Draws a chain (segments, 4, D) from a state; it need not be feasible."""
 
 
 def straight(state: State, segments: int, limits: Limits) -> Array:

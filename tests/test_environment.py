@@ -199,7 +199,9 @@ def test_a_refused_segment_ends_the_flight_where_it_was(
     assert terminated
     assert not truncated
     assert reward == -1.0
-    assert env.state is before
+    assert env.state.segments == before.segments == 0
+    np.testing.assert_array_equal(env.state.position, before.position)
+    np.testing.assert_array_equal(env.state.derivative, before.derivative)
     assert info["segments"] == 0
     assert info["path_length"] == 0.0
     assert env.refused is not None

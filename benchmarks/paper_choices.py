@@ -1,0 +1,125 @@
+"""How the flights through the paper's fields depend on what the paper leaves open.
+
+Run it from a checkout: `.venv/bin/python benchmarks/paper_choices.py [SEEDS]`. Every variant
+flies multi-start through the four fields with policy seeds 0 to SEEDS - 1 (5 by default).
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from joblib import Parallel, delayed
+from rich.console import Console
+from rich.table import Table
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.catalog import select
+from ferguson_gym.fields import START_SPEED, Field
+from ferguson_gym.flight import State
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.paper import TABLE_I
+from planners.complex_step import ByComplexStep
+from planners.interface import Plan, depart
+from planners.receding_horizon import RecedingHorizon
+from planners.solvers import Slsqp
+from planners.starts import random_chain
+
+
+def along_the_next_step(
+    stream: np.random.Generator, state: State, segments: int, limits: Limits
+) -> Array:
+    """Random guesses whose derivative at a point is the step that follows it."""
+    chain = random_chain(stream, state, segments, limits)
+    steps = chain[:, 1] - chain[:, 0]
+    chain[:-1, 3] = chain[1:, 2] = steps[1:]
+    return chain
+
+
+def in_a_random_direction(
+    stream: np.random.Generator, state: State, segments: int, limits: Limits
+) -> Array:
+    """Random guesses whose derivatives have random directions and lengths of 3 to 15 m."""
+    chain = random_chain(stream, state, segments, limits)
+    angle = stream.uniform(-np.pi, np.pi, segments)
+    size = stream.uniform(limits.shortest, limits.longest, segments)
+    slopes = size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
+    chain[:, 3], chain[1:, 2] = slopes, slopes[:-1]
+    return chain
+
+
+def leaving_with(speed: float, field: Field) -> Field:
+    """The field with a start derivative of another length."""
+    return replace(field, start_derivative=field.departure * speed / START_SPEED)
+
+
+def unchanged(field: Field) -> Field:
+    """The field itself."""
+    return field
+
+
+Change = Callable[[Field], Field]
+VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
+    "as shipped": (RecedingHorizon(), unchanged),
+    "gate 0.5 m": (RecedingHorizon(limits=replace(PAPER_LIMITS, gate=0.5)), unchanged),
+    "gate 2 m": (RecedingHorizon(limits=replace(PAPER_LIMITS, gate=2.0)), unchanged),
+    "start derivative 2 m": (RecedingHorizon(), partial(leaving_with, 2.0)),
+    "start derivative 12 m": (RecedingHorizon(), partial(leaving_with, 12.0)),
+    "guesses: along next step": (RecedingHorizon(random_guess=along_the_next_step), unchanged),
+    "guesses: random tangents": (RecedingHorizon(random_guess=in_a_random_direction), unchanged),
+    "solver precision 1e-4": (RecedingHorizon(solver=Slsqp(precision=1e-4)), unchanged),
+    "solver precision 1e-8": (RecedingHorizon(solver=Slsqp(precision=1e-8)), unchanged),
+    "complex-step gradients": (RecedingHorizon(solver=ByComplexStep(Slsqp())), unchanged),
+}
+
+
+def fly(variant: str, field: Field, seed: int) -> Plan:
+    """One flight of a variant."""
+    planner, change = VARIANTS[variant]
+    changed = change(field)
+    return planner.plan(changed, depart(changed), seed)
+
+
+def main(seeds: int) -> None:
+    """Fly every variant and print a row for each."""
+    fields = list(select("paper:1-4"))
+    table = Table(title=f"multi-start on paper:1-4, {seeds} seeds each")
+    for column in (
+        "variant",
+        "arrived",
+        "segments",
+        "func. eval.",
+        "<= 1.01 paper",
+        "1",
+        "2",
+        "3",
+        "4",
+    ):
+        table.add_column(column, justify="left" if column == "variant" else "right")
+    for variant in VARIANTS:
+        tasks = [(field, seed) for field in fields for seed in range(seeds)]
+        plans: list[Plan] = Parallel(n_jobs=2)(delayed(fly)(variant, *task) for task in tasks)
+        lengths: dict[str, list[float]] = {field.name: [] for field in fields}
+        near = 0
+        for (field, _), plan in zip(tasks, plans, strict=True):
+            if plan.path is not None:
+                lengths[field.name].append(plan.path.length)
+                near += plan.path.length <= 1.01 * (TABLE_I["multi-start", field.name].length or 0)
+        solved = [plan for plan in plans if plan.success]
+        table.add_row(
+            variant,
+            f"{len(solved)}/{len(plans)}",
+            f"{np.median([len(plan.control) for plan in solved]):.0f}",
+            f"{np.median([plan.evaluations for plan in solved]):.0f}",
+            f"{near}/{len(plans)}",
+            *(f"{np.median(values):.2f}" if values else "-" for values in lengths.values()),
+        )
+        print(variant, "done", file=sys.stderr, flush=True)
+    Console(width=120).print(table)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
