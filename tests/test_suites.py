@@ -1,0 +1,167 @@
+"""Recipes of fields: the paper's four, and suites that never change."""
+
+import hashlib
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.paper import exact_length, latin_hypercube, paper_field
+from ferguson_gym.suites import LAST_SEED, SPLITS, SUITES, suite_field
+
+# coordinates to ten decimals and shortest paths to six, reconstructed independently
+PAPER = json.loads((Path(__file__).parent / "data" / "paper_fields.json").read_text())
+
+# SHA-256 of the bytes of centres and radii; a change of any is a new suite
+HASHES = {
+    "standard/train:0": "fa369a8a9c996c75f8dfc5754cc6de4efab8dfc8f278ea3008848eb81f6d87ef",
+    "standard/train:99": "166161e78cefa54f9ce72da8084765b9f07ccc5a5d78c6a21232ad3306480577",
+    "standard/validation:0": "26f5dff44fa073ef6b90eb0db1bebb4e7fd45899d3432f6e05fb563b0db404ef",
+    "standard/test:0": "9a65a05aa0a83a1e1ffe11d16f4d18e6cdcbf79463cf067843ebbc5bd63b9ce0",
+    "standard/test:5000000000": "9f17f7ea624c49ade36022150d59601fb3cf0123fe7e4b1c0ad70c7ce78f70a5",
+    "sparse/train:0": "24dcd477b41ce049da0b01b24ef35af1ed6e1f2f9ec46180e8cd4a2909a946fc",
+    "sparse/train:99": "a825489f5e2ba27f60f59a91e53679eefa01b05b9003b28edc80e1b43999bd01",
+    "sparse/validation:0": "298467c72a69018ac76d1289ad6fbe426a4c96f3ab77019445c02c83e7be0555",
+    "sparse/test:0": "eaf3f7e30943c27d9e5006709a19c642f0de3130e91ef2a7c4eb7f3a1edfa77f",
+    "dense/train:0": "199884b140151a356900f6ed60e01161ad5066361b8b5ad406b0993a3c5709ca",
+    "dense/train:99": "285bf11df105faa741405307e71fa0f8a3a0d5c962228d5b037ea7cf533cb82b",
+    "dense/validation:0": "a3c5cd0c72ae7702d89d8beb5202d3acfdd4523fb8653e03eb5cdaa8640bd42e",
+    "dense/test:0": "6ef4d2d1ef08461527d15b34e518768fbc6c44b051b4b87262481eee33f1b053",
+    "forest/train:0": "aedf77f17187a12ea4926ce4afbf0448c0870ef73c5fb08afcd929ea30fdeb1c",
+    "forest/train:99": "4b15eadc37a9c7418228fc6e4185758f54b13bfc559bbfb80a001b13a35838c5",
+    "forest/validation:0": "0c27a9eed55a13b5ba6fecfab97b320f76354c3e0bf78c94cf3691a78fd94218",
+    "forest/test:0": "a9d9fe54332de5e475282a6b81fc713065c4b1a546767b36771165fced0572ec",
+    "traps/train:0": "7d9ab715e76b18309067e0e6f750f100240199bcb4d294bdf327cdd2b48a86e0",
+    "traps/train:99": "4d6aef2f2db8ae1fa85d4a0510475b202536bca847731e35b1c2f84f963516eb",
+    "traps/validation:0": "8678564b7a6238bade5fa5029da8690a005c29f82e3d8ab535d84bc73b481b66",
+    "traps/test:0": "2cc9abd0df587c4c1707678162fa5b27b77c770a265de9a3efebe3766c6b32d2",
+}
+
+
+def draw(name):
+    suite, _, rest = name.partition("/")
+    split, _, seed = rest.partition(":")
+    return suite_field(suite, split, int(seed))
+
+
+def fingerprint(field):
+    discs = field.obstacles
+    return hashlib.sha256(discs.centers.tobytes() + discs.radii.tobytes()).hexdigest()
+
+
+@pytest.mark.parametrize("number", [1, 2, 3, 4])
+def test_paper_fields_are_the_reconstruction(number):
+    field, reference = paper_field(number), PAPER[f"rng{number}"]
+    assert field.name == f"paper:{number}"
+    np.testing.assert_allclose(field.obstacles.centers, reference["centers"], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(field.obstacles.radii, reference["radii"], rtol=0, atol=1e-9)
+    assert exact_length(field) == reference["exact_shortest_path"]
+    assert field.start.tolist() == [0.0, 0.0]
+    assert field.goal.tolist() == [100.0, 100.0]
+    assert field.bounds.tolist() == [[-10.0, -10.0], [110.0, 110.0]]
+
+
+@pytest.mark.parametrize("number", [0, 5, -1])
+def test_the_paper_has_no_other_fields(number):
+    with pytest.raises(ValueError, match=f"1 to 4, not {number}"):
+        paper_field(number)
+
+
+def test_exact_length_is_known_for_the_papers_fields_alone():
+    own, other = paper_field(1).obstacles, paper_field(2).obstacles
+    assert exact_length(Field(name="paper:1", obstacles=own)) == pytest.approx(144.845765)
+    assert exact_length(Field(name="paper:1", obstacles=other)) is None
+    assert exact_length(Field(name="paper:1", obstacles=Discs(own.centers, other.radii))) is None
+    assert exact_length(suite_field("standard", "train", 0)) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("points", [5, 25])
+def test_latin_hypercubes_hold_one_point_in_every_row_and_column(points, seed):
+    design = latin_hypercube(np.random.RandomState(seed), points)
+    cells = np.sort(np.floor(design * points), axis=0)
+    np.testing.assert_array_equal(cells, np.stack([np.arange(points)] * 2, axis=-1))
+
+
+@pytest.mark.parametrize("name", HASHES)
+def test_fields_of_a_suite_never_change(name):
+    assert fingerprint(draw(name)) == HASHES[name]
+
+
+def test_a_field_does_not_depend_on_what_was_drawn_before():
+    np.random.seed(1)  # noqa: NPY002 (the global stream is what must not matter)
+    draw("dense/test:7")
+    assert fingerprint(draw("standard/train:0")) == HASHES["standard/train:0"]
+
+
+def test_suites_splits_and_seeds_share_no_field():
+    # beyond 2^32 a seed must not wrap around
+    seeds = (0, 1, 2, 2**32 - 1, 2**32, 2**32 + 1, LAST_SEED)
+    names = [f"{suite}/{split}:{seed}" for suite in SUITES for split in SPLITS for seed in seeds]
+    fields = [draw(name) for name in names]
+    assert [field.name for field in fields] == names
+    assert len({fingerprint(field) for field in fields}) == len(names)
+    # nor a single disc, which a shared stream would repeat
+    for one, other in itertools.combinations(fields, 2):
+        assert not np.intersect1d(one.obstacles.radii[-5:], other.obstacles.radii[-5:]).size
+
+
+@pytest.mark.parametrize(
+    ("suite", "least", "most", "smallest", "largest", "room"),
+    [
+        # the corner of [5, 95]^2 is 7.07 m from start and goal
+        ("standard", 50, 50, 3.0, 7.0, 50**0.5 - 7.0),
+        ("sparse", 20, 20, 3.0, 7.0, 50**0.5 - 7.0),
+        ("dense", 70, 70, 3.0, 7.0, 50**0.5 - 7.0),
+        ("forest", 180, 180, 0.5, 1.5, 50**0.5 - 1.5),
+        ("traps", 40, 120, 2.0, 5.0, 6.0),
+    ],
+)
+def test_every_field_of_a_suite_follows_its_recipe(suite, least, most, smallest, largest, room):
+    for seed in range(100):
+        field = suite_field(suite, SPLITS[seed % 3], seed)
+        discs = field.obstacles
+        assert least <= len(discs) <= most
+        assert discs.centers.shape == (len(discs), 2)
+        assert smallest <= discs.radii.min()
+        assert discs.radii.max() <= largest
+        assert discs.centers.min() >= 5.0
+        assert discs.centers.max() <= 95.0
+        ends = np.array([field.start, field.goal])
+        assert discs.signed_distance(ends).min() >= room
+        assert field.start.tolist() == [0.0, 0.0]
+        assert field.goal.tolist() == [100.0, 100.0]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_pockets_are_chains_of_overlapping_discs(seed):
+    discs = suite_field("traps", "train", seed).obstacles
+    neighbours = discs.centers[1:] - discs.centers[:-1]
+    overlap = discs.radii[1:] + discs.radii[:-1] - np.linalg.norm(neighbours, axis=-1)
+    # five chains and twelve single discs end; discs left out break some chains
+    assert (overlap > 0.0).sum() >= len(discs) - 5 - 12 - 5
+
+
+@pytest.mark.parametrize("suite", SUITES)
+@pytest.mark.parametrize("seed", [-1, LAST_SEED + 1])
+def test_seeds_out_of_range_are_refused(suite, seed):
+    with pytest.raises(ValueError, match=f"got {seed}"):
+        suite_field(suite, "train", seed)
+
+
+@pytest.mark.parametrize(
+    ("suite", "split", "message"),
+    [
+        ("jungle", "train", "unknown suite 'jungle'; suites are standard, sparse, dense"),
+        ("standard", "exam", "unknown split 'exam'; splits are train, validation, test"),
+        ("", "train", "unknown suite ''"),
+        ("standard", "", "unknown split ''"),
+    ],
+)
+def test_unknown_suites_and_splits_are_named(suite, split, message):
+    with pytest.raises(ValueError, match=message):
+        suite_field(suite, split, 0)
