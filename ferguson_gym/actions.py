@@ -10,7 +10,7 @@ frame that is turned with the vehicle (first axis forward, second to the left):
   coarse far out; forward w = (p + a[2]) / (1 + p a[2]), sideways w = a[3], and zero is a
   derivative of 9 m per unit t, straight ahead.
 
-A feasible segment of 15 m has derivatives below 4.3838 x 15 m = 65.8 m per unit t (the
+A feasible segment of 15 m has derivatives below 4.3904 x 15 m = 65.86 m per unit t (the
 greatest value at an end of a quadratic polynomial whose absolute value has integral one),
 so the encoding reaches them all.
 """
@@ -108,11 +108,13 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
     offset = control[1] - position
     step = complex(offset[0], offset[1]) * heading / REACH
     slope = complex(control[3, 0], control[3, 1]) * heading / _SPREAD
-    there = _shift(step, -_SHARE)
-    along = _shift(np.arcsinh(slope.real) / _FINENESS, -_OFFSET)
-    across = np.arcsinh(slope.imag) / _FINENESS
-    action = np.array([there.real, there.imag, along, across])
-    if not np.abs(action).max() <= 1.0 + 1e-9:
+    forward, across = np.arcsinh([slope.real, slope.imag]) / _FINENESS
+    # the inverse maps have their poles there, beyond all that an action reaches
+    if inside := abs(step) < 1.0 / _SHARE and abs(forward) < 1.0 / _OFFSET:
+        there, along = _shift(step, -_SHARE), _shift(forward, -_OFFSET)
+        action = np.array([there.real, there.imag, along, across])
+        inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
+    if not inside:
         raise ValueError(
             f"no action reaches a segment that ends {abs(step) * REACH:.6g} m away with "
             f"derivative {np.linalg.norm(control[3]):.6g} m per unit t; feasible segments "

@@ -14,6 +14,31 @@ GenericArray: TypeAlias = NDArray[Any]
 """Real or complex numbers: functions typed so can be differentiated by complex step."""
 
 
+def real(name: str, value: ArrayLike) -> Array:
+    """Return `value` as a C-contiguous float64 array; strings and complex numbers are refused.
+
+    Args:
+        name: what the array is called in the error.
+        value: anything NumPy can read.
+
+    Raises:
+        ValueError: not an array of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # ragged lists
+        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+    if array.dtype.kind not in "biuf":  # whole numbers beyond 64 bits are objects
+        raise ValueError(f"{name} must be an array of numbers, got {_shortened(value)}")
+    # ascontiguousarray alone would make a number a vector
+    return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
+
+
+def _shortened(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
 def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """Return `value` as a C-contiguous float64 array after checking shape and finiteness.
 
@@ -23,14 +48,9 @@ def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
         shape: expected shape; None stands for any size along that axis.
 
     Raises:
-        ValueError: not numeric, another shape, or an entry that is NaN or infinite.
+        ValueError: not real numbers, another shape, or an entry that is NaN or infinite.
     """
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must be an array of numbers: {error}") from None
-    if np.ndim(value) == 0:
-        array = array.reshape(())
+    array = real(name, value)
     if len(array.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
     ):

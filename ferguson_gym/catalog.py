@@ -24,19 +24,23 @@ GRAMMAR = (
 def select(spec: str) -> Iterator[Field]:
     """The fields that a specification names, one at a time.
 
-    Bad specifications raise here, before the first field is drawn.
+    Bad specifications raise here, before the first field is drawn; files are read as they
+    come.
 
     Raises:
         ValueError: an unknown suite, split, file or an empty range.
     """
+    if not spec:
+        raise ValueError(f"a field needs a name: {GRAMMAR}")
     path = Path(spec)
-    if path.is_dir():
-        files = sorted(path.glob("*.json"))
-        if not files:
-            raise ValueError(f"no JSON files in directory {spec}")
+    try:
+        files = sorted(path.glob("*.json")) if path.is_dir() else [path] if path.is_file() else None
+    except OSError:  # a name too long for a file
+        files = None
+    if files == []:
+        raise ValueError(f"no JSON files in directory {spec}")
+    if files is not None:
         return map(from_json, files)
-    if path.is_file():
-        return iter([from_json(path)])
     match = _NAMED.fullmatch(spec)
     if match is None:
         if path.suffix == ".json":

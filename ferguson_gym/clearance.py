@@ -193,8 +193,12 @@ def is_clear(
 
     The quick question on its own: a yes is proved as in `clearance`; within 3e-10 of the
     scale above the threshold the answer may be no.
+
+    Raises:
+        ValueError: mismatched shapes, NaN or infinity.
     """
     control, centers, radii = _checked(control, centers, radii)
+    finite("least", least, ())
     return _is_clear(_flat(control), centers, radii, float(least)).reshape(control.shape[:-2])
 
 

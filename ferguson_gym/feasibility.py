@@ -52,6 +52,9 @@ class Inspection:
         return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
 
 
+_ROUNDING = 1e-13
+"""Outward margin of `room`, part of the largest number in the control array."""
+
 _FAILURES = (
     Outcome.NOT_REGULAR,
     Outcome.TOO_SHORT,
@@ -75,6 +78,7 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
         )
     low, high = extent(control)
     room = np.minimum(low - field.bounds[0], field.bounds[1] - high).min(axis=-1)
+    room = room - _ROUNDING * np.abs(control).max(axis=(-2, -1))
     speed, _ = least_speed(control)
     return Inspection(
         length=length(control),

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.arrays import Array, finite, frozen
+from ferguson_gym.arrays import Array, finite, frozen, real
 from ferguson_gym.files import written_whole
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs, Obstacles
@@ -57,9 +57,8 @@ class Field:
             raise ValueError(
                 f"obstacles have {self.obstacles.dimension} dimensions, start and goal {len(start)}"
             )
-        bounds = finite(
-            "bounds", self.bounds, (2, len(start)) if np.ndim(self.bounds) > 1 else (2,)
-        )
+        bounds = real("bounds", self.bounds)
+        bounds = finite("bounds", bounds, (2,) if bounds.ndim < 2 else (2, len(start)))
         if bounds.ndim == 1:
             bounds = np.repeat(bounds[:, None], len(start), axis=1)
         if (bounds[0] >= bounds[1]).any():
@@ -130,7 +129,10 @@ def from_json(path: str | os.PathLike[str]) -> Field:
         if missing := [key for key in _REQUIRED if key not in data]:
             raise ValueError(f"a field needs {' and '.join(missing)}")
         options = {key: data[key] for key in _OPTIONAL if data.get(key) is not None}
-        field = Field(name=path.stem, obstacles=Discs(data["centers"], data["radii"]), **options)
+        # without discs, the start says in how many dimensions there are none
+        none = np.empty((0, np.size(options.get("start", START))))
+        centers = none if data["centers"] == [] else data["centers"]
+        field = Field(name=path.stem, obstacles=Discs(centers, data["radii"]), **options)
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if unknown := sorted(set(data) - {*_REQUIRED, *_OPTIONAL}):

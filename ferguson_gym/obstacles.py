@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym import clearance as certified
-from ferguson_gym.arrays import Array, GenericArray, finite, frozen
+from ferguson_gym.arrays import Array, GenericArray, finite, frozen, real
 
 
 class Obstacles(Protocol):
@@ -51,9 +51,9 @@ class Discs:
     """Radii (n,) [m]."""
 
     def __post_init__(self) -> None:
-        centers = np.asarray(self.centers, dtype=object)
-        if centers.size == 0:
-            centers = np.empty((0, centers.shape[1] if centers.ndim == 2 else 2))
+        centers = real("centers", self.centers)
+        if centers.shape == (0,):
+            centers = np.empty((0, 2))
         centers = finite("centers", centers, (None, None))
         radii = finite("radii", self.radii, (None,))
         if len(centers) != len(radii):

@@ -55,9 +55,12 @@ class Path:
 
     @property
     def min_turn_radius(self) -> float:
-        """Smallest radius of curvature [m]: infinite on a straight line, 0 at a cusp."""
+        """Smallest radius of curvature [m]: infinite on a straight line, 0 at a cusp.
+
+        A radius beyond a billion path lengths is rounding, and counts as straight.
+        """
         sharpest = float(splines.max_curvature(self.control).max())
-        return np.inf if sharpest == 0.0 else 1.0 / sharpest
+        return np.inf if sharpest * self.length <= 1e-9 else 1.0 / sharpest
 
     def points(self, per_segment: int = 50) -> Array:
         """Points along the path for drawing: (n * per_segment + 1, D) [m].

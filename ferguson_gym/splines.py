@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.arrays import Array, GenericArray
+from ferguson_gym.arrays import Array, GenericArray, real
 
 _POWER_BASIS = np.array(
     # rows: coefficients of 1, t, t^2, t^3; columns: F1..F4 of the paper
@@ -31,10 +31,7 @@ def as_control(control: ArrayLike) -> Array:
     Raises:
         ValueError: another shape, or entries that are not finite numbers.
     """
-    try:
-        array = np.asarray(control, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"a control array must hold numbers: {error}") from None
+    array = real("a control array", control)
     if array.ndim < 2 or array.shape[-2] != 4 or array.shape[-1] < 1:
         raise ValueError(
             "a control array has shape (..., 4, D): start, end, start derivative, "
@@ -125,7 +122,9 @@ def _max_curvature(control: Array) -> float:
             area2 = area2 + cross * cross
     stationary = area2.deriv() * speed2 - 3 * area2 * speed2.deriv()
     t = np.concatenate([[0.0, 1.0], _real_roots(stationary), _real_roots(speed2.deriv())])
-    if (speed2(t) <= 1e-24 * np.abs(speed2.coef).max()).any():
+    # from the components: their squares' polynomial has lost the digits that tell a cusp
+    slowest = np.linalg.norm([p(t) for p in first], axis=0).min()
+    if slowest <= 1e-12 * np.sqrt(np.abs(speed2.coef).max()):
         return np.inf
     return float(curvature(control, t).max())
 
@@ -183,6 +182,14 @@ def extent(control: ArrayLike) -> tuple[Array, Array]:
     rounding error moves the value only to second order.
     """
     control = np.asarray(control, dtype=np.float64)
+    # squares of huge or tiny numbers leave the range
+    scale = np.abs(control).max(axis=(-2, -1), keepdims=True, initial=0.0)
+    scale[scale == 0.0] = 1.0
+    low, high = _extent(control / scale)
+    return low * scale[..., 0, :], high * scale[..., 0, :]
+
+
+def _extent(control: Array) -> tuple[Array, Array]:
     a, b, c = (row @ control for row in (_POWER_BASIS[3] * 3, _POWER_BASIS[2] * 2, _POWER_BASIS[1]))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))

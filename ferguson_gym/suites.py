@@ -55,7 +55,8 @@ def traps(stream: np.random.RandomState) -> Discs:
         away = np.pi / 4 + np.radians(80.0 * turn - 40.0)
         number = int(np.ceil(2 * half_span * radius / (1.5 * thickness))) + 1
         for angle in np.linspace(away - half_span, away + half_span, number):
-            centers.append(middle + radius * np.array([np.cos(angle), np.sin(angle)]))
+            center = middle + radius * np.array([np.cos(angle), np.sin(angle)])
+            centers.append(center.round(9))  # sine and cosine differ between C libraries
             radii.append(thickness)
     single = draw_discs(stream, per_design=6, largest=5.0)
     every = Discs(np.vstack([*centers, single.centers]), np.concatenate([radii, single.radii]))

@@ -228,3 +228,10 @@ def test_a_segment_out_of_reach_is_refused(end, slope, message):
 def test_what_is_no_planar_segment_is_refused(segment, message):
     with pytest.raises(ValueError, match=message):
         encode(segment, np.zeros(2), np.array([5.0, 0.0]))
+
+
+@pytest.mark.parametrize("end", [REACH / (9.0 / REACH), 25.0, 1e6])
+@pytest.mark.parametrize("slope", [9.0, 3268.0, 1e9])
+def test_segments_beyond_the_poles_of_the_encoding_are_refused(end, slope):
+    with pytest.raises(ValueError, match="no action reaches"):
+        encode([[0, 0], [end, 0], [9, 0], [slope, 0]], np.zeros(2), np.array([9.0, 0.0]))

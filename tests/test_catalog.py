@@ -117,3 +117,9 @@ def test_what_is_wrong_is_named_before_the_first_field(spec, message, tmp_path, 
 def test_more_than_one_field_is_not_one(spec):
     with pytest.raises(ValueError, match=f"'{spec}' names more than one field"):
         one(spec)
+
+
+@pytest.mark.parametrize("spec", ["", "x" * 300, "x" * 5000])
+def test_names_that_no_file_can_have_are_unknown_fields(spec):
+    with pytest.raises(ValueError, match="fields are named"):
+        select(spec)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.polynomial import Polynomial
@@ -142,6 +142,16 @@ def test_clearance_of_known_contacts(control, center, radius, expected, scale):
     assert touching == pytest.approx(expected, abs=allowed(control, center))
 
 
+@pytest.mark.parametrize("shift", [s * 10.0**k for k in (-10, -9, -8, -6) for s in (-1, 1, 3)])
+def test_the_nearer_of_two_almost_equal_contacts_counts(shift):
+    # from (0, 1.25) both arms of the parabola are 1 m away
+    control, center = np.array(PARABOLA, np.float64), np.array([shift, 1.25])
+    truth = distance(control, center)
+    assert truth == pytest.approx(1.0 - 0.75**0.5 * abs(shift), abs=1e-11)
+    found = clearance(control, [center], [0.0])
+    assert truth - allowed(control, center) <= found <= truth
+
+
 @pytest.mark.parametrize("gap", [0.0, 1e-6, 1.0])
 @pytest.mark.parametrize("angle", [np.pi, 1.5, 0.3, 0.01, 1e-4])
 def test_clearance_along_an_arc_around_the_disc(angle, gap):
@@ -195,6 +205,18 @@ def test_is_clear_agrees_with_clearance_away_from_the_threshold(seed):
         assert is_clear(one, centers, radii, least=clear - near)
         assert not is_clear(one, centers, radii, least=clear + near)
     np.testing.assert_array_equal(is_clear(control, centers, radii), found >= 0.0)
+
+
+@PROPERTY
+@given(encounters())
+def test_is_clear_demands_the_margin_of_clearance(encounter):
+    control, center, radius = encounter
+    found = clearance(control, [center], [radius])
+    scale, largest = scale_of(control, center), max(abs(control).max(), abs(center).max())
+    assume(scale > 1e-3)
+    search = 1.01e-10 * scale + GRAIN * max(largest, radius)
+    assert is_clear(control, [center], [radius], least=found - search)
+    assert not is_clear(control, [center], [radius], least=found + search)
 
 
 @PROPERTY
@@ -289,3 +311,8 @@ def test_least_speed_of_known_segments(control, expected, where, scale):
     assert max(0.0, expected - SHARP * largest) <= found / scale <= expected
     if where is not None:
         assert t == pytest.approx(where, abs=1e-6)
+
+
+def test_a_threshold_that_is_no_number_is_refused():
+    with pytest.raises(ValueError, match="least must be finite, got nan"):
+        is_clear([[0, 0], [9, 0], [9, 0], [9, 0]], [[4, 0]], [1], least=np.nan)

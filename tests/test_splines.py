@@ -228,9 +228,29 @@ def test_extent_keeps_the_shape_of_the_batch():
         ([[0, 0], [1, 1], [1, np.inf], [1, 1]], "finite"),
         ([["a", "b"]] * 4, "numbers"),
         ([[0, 0], [1], [1, 1], [1, 1]], "numbers"),
-        (None, r"got \(\)"),
+        (None, "a control array must be an array of numbers, got None"),
     ],
 )
 def test_bad_control_arrays_are_refused(control, message):
     with pytest.raises(ValueError, match=message):
         as_control(control)
+
+
+def test_exact_cusps_have_infinite_curvature_and_near_cusps_a_finite_one():
+    # X' = 6 (2t - 1) ((-2, 7) + t (1, -9)) vanishes at t = 1/2
+    assert max_curvature([[0, 0], [1, -9], [12, -42], [-6, -12]]) == np.inf
+    # x' = 8 (t - 0.3), y' = 8e-9: curvature 1 / 1e-9^2 * ... at t = 0.3 is 8 / 8e-9^2
+    near = [[0, 0], [1.6, 8e-9], [-2.4, 8e-9], [5.6, 8e-9]]
+    assert max_curvature(near) == pytest.approx(8.0 / 8e-9**2, rel=1e-3)
+
+
+@pytest.mark.parametrize("scale", [1e-170, 1.0, 1e160])
+def test_extent_holds_at_huge_and_tiny_scales(scale):
+    low, high = extent(np.array([[0.0], [0.0], [6.0], [-6.0]]) * scale)
+    assert low[0] == 0.0
+    assert high[0] == pytest.approx(1.5 * scale, rel=1e-14)
+
+
+def test_complex_control_is_refused():
+    with pytest.raises(ValueError, match="array of numbers"):
+        as_control(np.zeros((4, 2), complex))

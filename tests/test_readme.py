@@ -1,0 +1,45 @@
+"""The README does what it says: its Python runs, and so do its commands."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from agents.command_line import main
+
+ROOT = Path(__file__).parent.parent
+TEXT = (ROOT / "README.md").read_text()
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
+
+
+@pytest.mark.parametrize("number", range(len(blocks("python"))))
+def test_python_runs(number: int, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(blocks("python")[number], "README.md", "exec"), {})
+    assert capsys.readouterr().out
+
+
+def commands() -> list[list[str]]:
+    lines = [line.partition("  #")[0] for block in blocks("sh") for line in block.splitlines()]
+    return [shlex.split(line) for line in lines]
+
+
+@pytest.mark.parametrize("command", [words for words in commands() if words[0] != "make"])
+def test_commands_run(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert command[0] == ".venv/bin/ferguson"
+    monkeypatch.chdir(tmp_path)
+    assert main(command[1:]) == 0
+    assert list(tmp_path.iterdir())
+
+
+def test_make_targets_and_linked_files_exist() -> None:
+    makefile = (ROOT / "Makefile").read_text()
+    targets = [words[1] for words in commands() if words[0] == "make"]
+    assert targets == ["run", "test"]
+    for target in targets:
+        assert f"\n{target}:" in makefile
+    for link in re.findall(r"\]\((?!http)([^)#]+)\)", TEXT):
+        assert (ROOT / link).exists(), link
