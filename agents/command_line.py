@@ -16,6 +16,8 @@ from typing import NoReturn
 from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
 from ferguson_gym.fields import Field
+from ferguson_gym.flight import depart
+from ferguson_gym.suites import LAST_SEED
 
 DONE, NO_PATH, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -47,6 +49,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         return BAD_INPUT
     try:
         return job()
+    except OSError as error:  # the disk refused what was asked for
+        print(f"ferguson: {error}", file=sys.stderr)
+        return BAD_INPUT
     except KeyboardInterrupt:
         print("ferguson: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -114,7 +119,13 @@ def _parser() -> argparse.ArgumentParser:
 def _seed(text: str) -> int:
     if re.fullmatch(r"[0-9]+", text) is None:
         raise argparse.ArgumentTypeError(f"a seed is a whole number from 0 on, got {text!r}")
-    return int(text)
+    return _within(int(text))
+
+
+def _within(seed: int) -> int:
+    if seed > LAST_SEED:
+        raise argparse.ArgumentTypeError(f"a seed is at most 2**63 - 1, got {seed}")
+    return seed
 
 
 def _seeds(text: str) -> range:
@@ -125,7 +136,7 @@ def _seeds(text: str) -> range:
     last = first if match[2] is None else int(match[2])
     if first > last:
         raise argparse.ArgumentTypeError(f"empty range of seeds {text!r}: {first} is above {last}")
-    return range(first, last + 1)
+    return range(first, _within(last) + 1)
 
 
 def _positive(text: str) -> int:
@@ -141,6 +152,7 @@ def _prepare_plan(options: argparse.Namespace) -> Job:
 
     planner = make(options.planner)
     field = one(options.field)
+    depart(field)  # refuses what cannot be flown
     if options.plot is not None:
         check_target(options.plot)
 
@@ -164,6 +176,8 @@ def _prepare_evaluate(options: argparse.Namespace) -> Job:
     for policy in options.policy:
         make_policy(policy)
     fields: list[Field] = [field for spec in options.fields for field in select(spec)]
+    for field in fields:
+        depart(field)
     _refuse_twice("policy", options.policy)
     _refuse_twice("field", [field.name for field in fields])
     for place in (options.out, *options.out.parents):

@@ -37,6 +37,7 @@ def evaluate(
     workers: int = 1,
 ) -> list[Flight]:
     """Fly, write the results into a directory, draw the first fields, print the tables."""
+    directory.mkdir(parents=True, exist_ok=True)
     number = len(policies) * len(fields) * len(seeds)
     flown: list[Flight] = []
     with _progress() as progress:
@@ -44,7 +45,6 @@ def evaluate(
         for flight in flights(policies, fields, seeds, workers):
             flown.append(flight)
             progress.advance(task)
-    directory.mkdir(parents=True, exist_ok=True)
     results.write(directory, flown)
     for policy in policies:
         shown = [f for f in flown if f.policy == policy and f.seed == seeds[0]][:PANELS]

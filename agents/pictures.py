@@ -21,17 +21,21 @@ from ferguson_gym.splines import evaluate
 SUFFIXES = (".png", ".pdf", ".svg")
 """Formats a picture can be written in."""
 _WINDOWS = 3
-"""Planned horizons drawn in each panel."""
+"""Planned horizons drawn in each panel, at most."""
+_ABANDONED = 0.5
+"""Distance [m] of a horizon's end from the flight beyond which it was not followed."""
 
 
 def check_target(path: Path) -> None:
     """Check that a picture can be written there.
 
     Raises:
-        ValueError: an unknown format, or a directory that does not exist.
+        ValueError: an unknown format, a directory, or one that does not exist.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.name!r}")
+    if path.is_dir():
+        raise ValueError(f"the picture {path} is a directory")
     if not path.parent.is_dir():
         raise ValueError(f"no such directory for the picture: {path.parent}")
 
@@ -46,10 +50,14 @@ def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, flight in zip(grid.flat, flights, strict=False):
             _draw_panel(axes, flight)
+        alike = len({flight.field.bounds.tobytes() for flight in flights}) == 1
+        if alike and len(flights) == rows * columns:
+            for axes in grid.flat:
+                axes.label_outer()
         for axes in list(grid.flat)[len(flights) :]:
             axes.set_visible(False)
         if title:
-            figure.suptitle(title, fontsize=10)
+            figure.suptitle(title, fontsize=10, parse_math=False)
         entries = _legend(flights)
         figure.legend(
             handles=entries,
@@ -75,8 +83,7 @@ def _draw_panel(axes: Axes, flight: Flight) -> None:
         title += f", gap {100 * flight.gap:.1f} %"
     if not flight.success:
         title += f"\n{flight.outcome.sentence}"
-    axes.set_title(title)
-    axes.label_outer()
+    axes.set_title(title, parse_math=False)
 
 
 def _horizons(flight: Flight) -> list[Array]:
@@ -91,7 +98,8 @@ def _horizons(flight: Flight) -> list[Array]:
     flown = evaluate(flight.control, np.linspace(0.0, 1.0, 30)).reshape(-1, 2)
     ends = np.array([chain[-1, 1] for chain in chains])
     aside = np.linalg.norm(ends[:, None] - flown, axis=-1).min(axis=1)
-    return [chains[k] for k in np.argsort(-aside, kind="stable")[:_WINDOWS]]
+    order = np.argsort(-aside, kind="stable")[:_WINDOWS]
+    return [chains[k] for k in order if aside[k] > _ABANDONED]
 
 
 def _legend(flights: Sequence[Flight]) -> list[Line2D]:
@@ -103,7 +111,7 @@ def _legend(flights: Sequence[Flight]) -> list[Line2D]:
         Line2D([], [], color=second, lw=1.8, label="alternating"),
         Line2D([], [], mfc="white", mec="#333333", marker="o", ls="", ms=3, label="knots"),
     ]
-    if any(flight.decisions for flight in flights):
+    if any(_horizons(flight) for flight in flights):
         label = "planned, then abandoned"
         entries.append(Line2D([], [], color=drawing.HORIZON, ls="--", lw=0.9, label=label))
     if any(flight.refused is not None for flight in flights):

@@ -13,7 +13,7 @@ from agents.flights import Flight
 from agents.pictures import draw_flights
 from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.limits import PAPER_LIMITS
 from planners.interface import Plan, Planner, depart
 
 
@@ -39,7 +39,7 @@ class Report:
             policy=self.name,
             field=self.field,
             seed=self.seed,
-            outcome=Outcome.GOAL_REACHED if plan.success else Outcome.GAVE_UP,
+            outcome=plan.status.outcome,
             control=control,
             refused=None,
             clearance=clearance,
@@ -77,7 +77,8 @@ class Report:
         console = tables.console()
         console.print(tables.windows(self.plan.decisions))
         console.print(
-            f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
+            f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}",
+            markup=False,
         )
         facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
         if flight.gap is not None:
@@ -86,8 +87,8 @@ class Report:
             )
         if len(flight.control):
             radius = flight.min_turn_radius
-            # design tolerance, not a collision: contact is shown as contact
-            clear = flight.clearance if abs(flight.clearance) > 1e-5 else 0.0
+            # within the tolerance, a contact is shown as a contact
+            clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
             facts.append(f"clearance {clear:.3f} m")
             facts.append(f"smallest turn radius {radius:.3g} m")
         facts.append(f"{self.plan.evaluations} function evaluations")

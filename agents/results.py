@@ -82,7 +82,10 @@ def write(directory: Path, flights: Sequence[Flight]) -> None:
 
 
 def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[list[object]]) -> None:
-    with written_whole(path) as temporary, temporary.open("w", newline="") as file:
+    with (
+        written_whole(path) as temporary,
+        temporary.open("w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(columns)
         writer.writerows(rows)

@@ -64,7 +64,7 @@ def summary(flights: Sequence[Flight]) -> Table:
         arrived = [flight for flight in flown if flight.success]
         steps = [seconds for flight in flown for seconds in flight.decision_seconds]
         table.add_row(
-            policy,
+            Text(policy),
             str(len(flown)),
             f"{100 * len(arrived) / len(flown):.1f} %",
             _median([flight.length for flight in arrived], 2),
@@ -108,7 +108,7 @@ def paper_table(flights: Sequence[Flight]) -> Table | None:
             ]
             cells = [f"{ours} ({paper})" for ours, paper in zip(cells, theirs, strict=True)]
         arrivals = f"{len(arrived)}/{len(flown)}"
-        table.add_row(f"{policy} {name}", arrivals, *cells, f"{flown[0].exact_length:.4f}")
+        table.add_row(Text(f"{policy} {name}"), arrivals, *cells, f"{flown[0].exact_length:.4f}")
     return table
 
 

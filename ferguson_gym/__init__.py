@@ -7,7 +7,9 @@ from gymnasium.envs.registration import register
 
 __version__ = "0.1.0"
 
+ENVIRONMENT_ID = "ferguson/ObstacleField-v0"
+
 register(
-    id="ferguson/ObstacleField-v0",
+    id=ENVIRONMENT_ID,
     entry_point="ferguson_gym.environment:ObstacleField",
 )

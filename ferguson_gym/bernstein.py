@@ -1,4 +1,4 @@
-"""The point of a Bézier curve nearest to the origin, proved by Bernstein coefficients.
+"""The certified search, compiled: where a Bézier curve comes nearest to the origin.
 
 For a Bézier curve Y of degree n, |Y(t)|^2 is a polynomial of degree 2n. Its Bernstein
 coefficients bound it from below, and subdivision tightens the bound. A branch ends early
@@ -14,6 +14,7 @@ Reference:
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
@@ -25,6 +26,10 @@ DEPTH = 96
 bound, numbers that overflowed would run out of the scratch memory."""
 _ROUNDING = 64.0 * 2.0**-52
 """Bound on the error of a coefficient of |Y|^2, relative to the largest |Y_i|^2."""
+_MARGIN = 2e-10
+"""Outward margin, part of the scale; covers the search (1e-10) and its rounding."""
+_GRAIN = 1e-15
+"""Outward margin, part of the largest coordinate; covers forming X(t) - c."""
 _UNCONVEX = 16.0
 """What rounding may hide of a convex polynomial's bend and slope, in units of that error."""
 
@@ -194,3 +199,124 @@ def least_norm(
             best, where = norm, middle
         top += 1
     return best * scale, where
+
+
+@compiled
+def _shift(control: Array, center: Array, points: Array) -> tuple[float, float]:
+    """Fill Bézier points of X - c; return their largest norm and coordinate."""
+    scale2 = largest = 0.0
+    for d in range(control.shape[1]):
+        start, end = control[0, d], control[1, d]
+        leave, arrive = control[2, d] / 3.0, control[3, d] / 3.0
+        points[0, d] = start - center[d]
+        points[1, d] = start - center[d] + leave
+        points[2, d] = end - center[d] - arrive
+        points[3, d] = end - center[d]
+        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive), abs(center[d]))
+    for i in range(4):
+        norm2 = 0.0
+        for d in range(control.shape[1]):
+            norm2 += points[i, d] ** 2
+        scale2 = max(scale2, norm2)
+    return float(np.sqrt(scale2)), largest
+
+
+@compiled
+def _margin(scale: float, largest: float) -> float:
+    return _MARGIN * scale + _GRAIN * largest
+
+
+@compiled
+def _far(points: Array, reach: float) -> bool:
+    """Whether the disc around the control points' middle alone proves |Y| >= reach."""
+    middle2 = around2 = 0.0
+    for d in range(points.shape[1]):
+        middle = 0.5 * (points[0, d] + points[3, d])
+        middle2 += middle * middle
+    for i in range(4):
+        norm2 = 0.0
+        for d in range(points.shape[1]):
+            norm2 += (points[i, d] - 0.5 * (points[0, d] + points[3, d])) ** 2
+        around2 = max(around2, norm2)
+    return bool(np.sqrt(middle2) - np.sqrt(around2) >= reach)
+
+
+@compiled
+def closest(control: Array, centers: Array, radii: Array) -> tuple[Array, Array]:
+    """Clearance (segments, discs) and parameter; see `ferguson_gym.clearance.closest`."""
+    segments, dimension, discs = len(control), control.shape[2], len(radii)
+    clear, where = np.empty((segments, discs)), np.empty((segments, discs))
+    points, weights = np.empty((4, dimension)), products(3)
+    stack, spans, work = np.empty((DEPTH, 4, dimension)), np.empty((DEPTH, 2)), np.empty((2, 7))
+    for s in range(segments):
+        for k in range(discs):
+            scale, largest = _shift(control[s], centers[k], points)
+            norm, t = least_norm(points, np.inf, weights, stack, spans, work)
+            clear[s, k] = norm - _margin(scale, largest) - radii[k]
+            where[s, k] = t
+    return clear, where
+
+
+@compiled
+def clearance(control: Array, centers: Array, radii: Array) -> Array:
+    """Clearance (segments,) from the nearest disc; see `ferguson_gym.clearance`."""
+    segments, dimension, discs = len(control), control.shape[2], len(radii)
+    result = np.empty(segments)
+    points, weights = np.empty((4, dimension)), products(3)
+    stack, spans, work = np.empty((DEPTH, 4, dimension)), np.empty((DEPTH, 2)), np.empty((2, 7))
+    for s in range(segments):
+        best = np.inf
+        for k in range(discs):
+            scale, largest = _shift(control[s], centers[k], points)
+            margin = _margin(scale, largest)
+            reach = best + margin + radii[k]
+            if reach <= 0.0 or _far(points, reach):
+                continue
+            norm, _ = least_norm(points, reach, weights, stack, spans, work)
+            best = min(best, norm - margin - radii[k])
+        result[s] = best
+    return result
+
+
+@compiled
+def is_clear(control: Array, centers: Array, radii: Array, least: float) -> NDArray[np.bool_]:
+    """Whether segments keep `least` from all discs; see `ferguson_gym.clearance`."""
+    segments, dimension, discs = len(control), control.shape[2], len(radii)
+    result = np.ones(segments, dtype=np.bool_)
+    points, weights = np.empty((4, dimension)), products(3)
+    stack, spans, work = np.empty((DEPTH, 4, dimension)), np.empty((DEPTH, 2)), np.empty((2, 7))
+    for s in range(segments):
+        for k in range(discs):
+            scale, largest = _shift(control[s], centers[k], points)
+            reach = least + _margin(scale, largest) + radii[k]
+            if reach <= 0.0 or _far(points, reach):
+                continue
+            norm, _ = least_norm(points, reach, weights, stack, spans, work)
+            if norm < reach:
+                result[s] = False
+                break
+    return result
+
+
+@compiled
+def least_speed(control: Array) -> tuple[Array, Array]:
+    """Least speed (segments,) and its parameter; see `ferguson_gym.clearance`."""
+    segments, dimension = len(control), control.shape[2]
+    speed, where = np.empty(segments), np.empty(segments)
+    points, weights = np.empty((3, dimension)), products(2)
+    stack, spans, work = np.empty((DEPTH, 3, dimension)), np.empty((DEPTH, 2)), np.empty((2, 5))
+    for s in range(segments):
+        scale2 = largest = 0.0
+        for d in range(dimension):
+            start, end, leave, arrive = control[s, :, d]
+            points[0, d], points[2, d] = leave, arrive
+            points[1, d] = 3.0 * (end - start) - leave - arrive
+            largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
+        for i in range(3):
+            norm2 = 0.0
+            for d in range(dimension):
+                norm2 += points[i, d] ** 2
+            scale2 = max(scale2, norm2)
+        norm, where[s] = least_norm(points, np.inf, weights, stack, spans, work)
+        speed[s] = max(0.0, norm - _margin(float(np.sqrt(scale2)), 8.0 * largest))
+    return speed, where

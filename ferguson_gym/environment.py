@@ -20,7 +20,6 @@ from ferguson_gym.outcome import Outcome
 from ferguson_gym.rewards import reward
 from ferguson_gym.suites import SPLITS, SUITES, suite_field
 
-ENVIRONMENT_ID = "ferguson/ObstacleField-v0"
 RENDER_MODES = ("human", "rgb_array")
 
 
@@ -79,7 +78,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     `(progress - length / 2) / D`, with progress the decrease of the straight distance to
     the goal, length the segment's arc length and D the straight distance from start to
     goal (141.42 m); less 1 when the flight ends anywhere but on the goal. A step's reward
-    lies between -1 and 0.054 (a longest segment straight to the goal). A successful flight
+    lies between -1.16 (a longest segment straight back that is the last one) and 0.054 (the
+    same straight to the goal). A successful flight
     of L metres returns 1 - L / (2 D), at most 0.5; a failure at most -0.5.
 
     ## Starting state
@@ -209,8 +209,7 @@ class ObstacleField(gym.Env[Observation, Action]):
             raise ValueError(
                 f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
             )
-        if len(field.start) != 2:
-            raise ValueError(f"flights are planar, field {field.name} is {len(field.start)}-D")
+        depart(field)  # refuses what is not planar
         return field
 
     def step(

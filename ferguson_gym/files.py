@@ -17,9 +17,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     that raises leaves nothing behind, and an older file at `path` untouched.
     """
     target = Path(path)
-    handle, name = tempfile.mkstemp(
-        prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent
-    )
+    handle, name = tempfile.mkstemp(prefix=".writing-", suffix=target.suffix, dir=target.parent)
     os.close(handle)
     temporary = Path(name)
     try:

@@ -50,7 +50,15 @@ _FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
 
 
 def depart(field: Field) -> State:
-    """The state at the start of a field."""
+    """The state at the start of a field.
+
+    Raises:
+        ValueError: a field that is not planar; actions are.
+    """
+    if len(field.start) != 2:
+        raise ValueError(
+            f"flights are planar, field {field.name} has {len(field.start)} dimensions"
+        )
     return State(field.start, field.departure)
 
 

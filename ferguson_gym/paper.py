@@ -107,8 +107,14 @@ def exact_length(field: Field) -> float | None:
     exact = EXACT_LENGTHS.get(field.name)
     if exact is None or not isinstance(field.obstacles, Discs):
         return None
-    own = paper_field(int(field.name.partition(":")[2])).obstacles
-    assert isinstance(own, Discs)
+    own = paper_field(int(field.name.partition(":")[2]))
+    assert isinstance(own.obstacles, Discs)
     # a file may bear the name and hold another field
-    same = np.array_equal(field.obstacles.centers, own.centers)
-    return exact if same and np.array_equal(field.obstacles.radii, own.radii) else None
+    pairs = (
+        (field.obstacles.centers, own.obstacles.centers),
+        (field.obstacles.radii, own.obstacles.radii),
+        (field.start, own.start),
+        (field.goal, own.goal),
+        (field.bounds, own.bounds),
+    )
+    return exact if all(np.array_equal(given, paper) for given, paper in pairs) else None

@@ -47,7 +47,8 @@ class Viewer:
                 draw_refused(axes, refused)
             flown = float(length(control).sum())
             axes.set_title(
-                f"{field.name}: {len(control)} segments, {flown:.1f} m, {outcome.sentence}"
+                f"{field.name}: {len(control)} segments, {flown:.1f} m, {outcome.sentence}",
+                parse_math=False,
             )
             self._figure.canvas.draw()
         if self._mode == "human":

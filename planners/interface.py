@@ -13,21 +13,28 @@ from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
+from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
 
 
 class Status(Enum):
     """How planning ended. Labels are stable: data carries them."""
 
-    SOLVED = ("solved", "found a feasible path to the goal")
-    STUCK = ("stuck", "found no feasible window from where it was")
-    OUT_OF_SEGMENTS = ("out_of_segments", "used up its segments before the goal")
+    SOLVED = ("solved", "found a feasible path to the goal", Outcome.GOAL_REACHED)
+    STUCK = ("stuck", "found no feasible window from where it was", Outcome.GAVE_UP)
+    OUT_OF_SEGMENTS = (
+        "out_of_segments",
+        Outcome.OUT_OF_SEGMENTS.sentence,
+        Outcome.OUT_OF_SEGMENTS,
+    )
 
-    def __init__(self, label: str, sentence: str) -> None:
+    def __init__(self, label: str, sentence: str, outcome: Outcome) -> None:
         self.label = label
         """Stable name, as in files."""
         self.sentence = sentence
         """What people are shown."""
+        self.outcome = outcome
+        """How the planned flight ends in the environment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,8 +65,10 @@ class WindowReport:
     """Guesses from which the solver was started."""
     feasible: int
     """How many of them led to a certified chain."""
+    final: bool
+    """Whether the chain was then re-optimised to end on the goal; the objective is its length."""
     evaluations: int
-    """Evaluations of the objective, over all starts."""
+    """Evaluations of the objective, over all starts and the re-optimisation."""
     rounds: int
     """Solves of the kept chain's problem until certification had nothing to add."""
     solver_status: str

@@ -10,6 +10,9 @@ import numpy as np
 from ferguson_gym.arrays import Array, GenericArray
 from planners.quadrature import length_gradients, lengths
 
+_NOTHING = 1e-9
+"""Distances below this [m] count as this."""
+
 
 class Objective(Protocol):
     """A function of a chain's segments."""
@@ -27,6 +30,11 @@ def _distance(offset: GenericArray) -> GenericArray:
     return distance
 
 
+def _apart(distance: GenericArray) -> GenericArray:
+    # a chain that ends where it starts is as bad as can be, yet its value must be a number
+    return distance if distance.real > _NOTHING else np.asarray(_NOTHING)
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class HorizonObjective:
     """d (1 + alpha l / l_min): close to the goal, and directly [m].
@@ -40,20 +48,20 @@ class HorizonObjective:
 
     goal: Array
     """(D,) [m]."""
-    alpha: float = 0.2
-    """Weight of directness; the paper's value."""
+    alpha: float
+    """Weight of directness."""
 
     def value(self, control: GenericArray) -> GenericArray:
         """Value for segments (n, 4, D), real or complex."""
         d = _distance(self.goal - control[-1, 1])
-        straight = _distance(control[-1, 1] - control[0, 0])
+        straight = _apart(_distance(control[-1, 1] - control[0, 0]))
         return np.asarray(d * (1.0 + self.alpha * np.sum(lengths(control)) / straight))
 
     def gradient(self, control: Array) -> Array:
         """Gradient with respect to every segment's control array: (n, 4, D)."""
         to_goal = control[-1, 1] - self.goal
         chord = control[-1, 1] - control[0, 0]
-        d, straight = float(_distance(to_goal)), float(_distance(chord))
+        d, straight = float(_distance(to_goal)), float(_apart(_distance(chord)))
         flown = float(np.sum(lengths(control)))
         gradient = d * self.alpha / straight * length_gradients(control)
         if d > 0.0:

@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ferguson_gym import flight
+from ferguson_gym.actions import REACH
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
@@ -34,6 +35,9 @@ from planners.window import WindowSettings, final_problem, horizon_problem
 class RecedingHorizon:
     """The paper's planner, `single-start` without random starts, `multi-start` with ten.
 
+    Raises:
+        ValueError: limits that allow segments longer than an action can express.
+
     Reference:
         The paper, section III.
     """
@@ -47,6 +51,13 @@ class RecedingHorizon:
     solver: Solver = field(default_factory=Slsqp)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
+
+    def __post_init__(self) -> None:
+        if self.limits.longest + self.limits.tolerance > REACH:
+            raise ValueError(
+                f"an action reaches {REACH} m, too short for limits.longest = "
+                f"{self.limits.longest} m"
+            )
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal. Randomness of a step comes from (seed, step)."""
@@ -72,13 +83,12 @@ class RecedingHorizon:
             key=lambda pair: pair[1].solution.objective,
         )
         for name, kept in ranked:
+            final = self._finish(field, state, kept.control)
+            kept = final or kept
             if not flight.follow(field, vehicle, kept.control[0], self.limits).flown:
                 continue
-            if (final := self._finish(field, state, kept.control)) is not None:
-                solved.append(("final", final))
-                kept = final
             seconds = time.perf_counter() - began
-            return Decision(kept.control, _report(state, name, kept, solved, seconds))
+            return Decision(kept.control, _report(state, name, kept, solved, seconds, final))
         seconds = time.perf_counter() - began
         return Decision(None, _report(state, "", None, solved, seconds))
 
@@ -134,6 +144,7 @@ def _report(
     kept: Certified | None,
     solved: list[tuple[str, Certified]],
     seconds: float,
+    final: Certified | None = None,
 ) -> WindowReport:
     return WindowReport(
         step=state.vehicle.segments,
@@ -141,7 +152,9 @@ def _report(
         objective=math.nan if kept is None else kept.solution.objective,
         starts=len(solved),
         feasible=sum(end.feasible for _, end in solved),
-        evaluations=sum(end.evaluations for _, end in solved),
+        final=final is not None,
+        evaluations=sum(end.evaluations for _, end in solved)
+        + (0 if final is None else final.evaluations),
         rounds=0 if kept is None else kept.rounds,
         solver_status="" if kept is None else kept.solution.status,
         seconds=seconds,

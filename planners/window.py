@@ -14,7 +14,7 @@ from planners.constraints import Constraint, LengthBounds, sampled_clearance
 from planners.objectives import HorizonObjective, LengthObjective, Objective
 from planners.problem import Problem
 
-STEEPEST = 1000.0
+DERIVATIVE_BOUND = 1000.0
 """Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
 
 
@@ -78,5 +78,5 @@ def _problem(
     obstacles = field.obstacles.near(chain.knots[0, 0], reach)
     if len(obstacles):
         constraints.append(sampled_clearance(obstacles, settings.samples))
-    box = chain.bounds(field.bounds[0], field.bounds[1], STEEPEST)
+    box = chain.bounds(field.bounds[0], field.bounds[1], DERIVATIVE_BOUND)
     return Problem(chain, objective, constraints, box)

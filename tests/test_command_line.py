@@ -115,6 +115,7 @@ DISC = {"centers": [[50, 50]], "radii": [4]}
         ({**DISC, "goal": [0, 0]}, "start and goal coincide"),
         ({"centers": []}, "a field needs radii"),
         ([1, 2], "a field is a JSON object"),
+        ({**DISC, "centers": [[5, 5, 5]], "start": [0, 0, 0], "goal": [9, 9, 9]}, "planar"),
         ("{broken", "Expecting property name"),
     ],
 )
@@ -152,6 +153,10 @@ def test_bad_fields_are_one_line_and_status_two(
         (
             ["plan", "paper:1", "--planner", "single-start", "--plot", "no/a.png"],
             "no such directory",
+        ),
+        (
+            ["plan", "paper:1", "--planner", "single-start", "--seed", str(2**63)],
+            "at most 2**63 - 1",
         ),
         (["evaluate", "--policy", "ace", "--fields", "paper:1"], "unknown policy 'ace'"),
         (["evaluate", "--policy", "single-start", "--fields", "paper:4-1"], "empty range"),
@@ -199,6 +204,41 @@ def test_a_file_in_the_place_of_results_is_refused(
         assert main(arguments) == 2
         assert "is a file, not a directory" in capsys.readouterr().err
     assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_results_that_cannot_be_written_are_refused_before_the_flights(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    arguments = ["--policy", "single-start", "--fields", "paper:1", "--out", "/proc/none/results"]
+    assert main(["evaluate", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    assert "/proc/none" in err
+
+
+def test_a_directory_in_the_place_of_a_picture_is_refused(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "flight.png").mkdir()
+    target = str(tmp_path / "flight.png")
+    assert main(["plan", "paper:1", "--planner", "single-start", "--plot", target]) == 2
+    assert "is a directory" in capsys.readouterr().err
+
+
+def test_odd_names_of_fields_are_shown_as_they_are(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    path = tmp_path / "[red]a$x^$.json"
+    to_json(one("sparse/train:0"), path)
+    picture = tmp_path / ("p" * 240 + ".png")
+    command = ["plan", str(path), "--planner", "single-start", "--plot", str(picture)]
+    assert main(command) == 0
+    assert "[red]a$x^$" in capsys.readouterr().out
+    assert picture.exists()
+    results = ["--fields", str(path), "--out", str(tmp_path / "results")]
+    assert main(["evaluate", "--policy", "single-start", *results]) == 0
+    assert (tmp_path / "results" / "single-start.png").exists()
 
 
 def test_unknown_keys_of_a_field_are_a_warning(tmp_path: Path) -> None:

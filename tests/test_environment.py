@@ -10,8 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import ferguson_gym
+from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.actions import encode
-from ferguson_gym.environment import ENVIRONMENT_ID, ObstacleField
+from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome

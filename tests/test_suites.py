@@ -3,6 +3,7 @@
 import hashlib
 import itertools
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -165,3 +166,11 @@ def test_seeds_out_of_range_are_refused(suite, seed):
 def test_unknown_suites_and_splits_are_named(suite, split, message):
     with pytest.raises(ValueError, match=message):
         suite_field(suite, split, 0)
+
+
+def test_the_exact_length_belongs_to_the_papers_field_alone():
+    field = paper_field(1)
+    assert exact_length(field) == 144.845765
+    assert exact_length(replace(field, name="paper:2")) is None
+    assert exact_length(replace(field, goal=np.array([20.0, 0.0]))) is None
+    assert exact_length(suite_field("standard", "train", 0)) is None
