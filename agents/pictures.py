@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 
 from agents.flights import Flight
@@ -60,12 +61,14 @@ def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None
             figure.suptitle(title, fontsize=10, parse_math=False)
         entries = _legend(flights)
         figure.legend(
-            handles=entries,
+            handles=list(entries.values()),
+            labels=list(entries),
+            handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
             loc="outside lower center",
             ncols=len(entries) if columns > 1 else 3,
             frameon=False,
             fontsize=7,
-            handlelength=1.6,
+            handlelength=2.4,
             columnspacing=1.2,
         )
         with written_whole(path) as temporary:
@@ -102,18 +105,15 @@ def _horizons(flight: Flight) -> list[Array]:
     return [chains[k] for k in order if aside[k] > _ABANDONED]
 
 
-def _legend(flights: Sequence[Flight]) -> list[Line2D]:
-    first, second = drawing.SEGMENTS
-    entries = [
-        Line2D([], [], color=drawing.START, marker="o", ls="", ms=5, label="start"),
-        Line2D([], [], color=drawing.GOAL, marker="*", ls="", ms=8, label="goal"),
-        Line2D([], [], color=first, lw=1.8, label="segments,"),
-        Line2D([], [], color=second, lw=1.8, label="alternating"),
-        Line2D([], [], mfc="white", mec="#333333", marker="o", ls="", ms=3, label="knots"),
-    ]
+def _legend(flights: Sequence[Flight]) -> dict[str, Line2D | tuple[Line2D, ...]]:
+    entries: dict[str, Line2D | tuple[Line2D, ...]] = {
+        "start": Line2D([], [], color=drawing.START, marker="o", ls="", ms=5),
+        "goal": Line2D([], [], color=drawing.GOAL, marker="*", ls="", ms=8),
+        "segments": tuple(Line2D([], [], color=color, lw=1.8) for color in drawing.SEGMENTS),
+        "knots": Line2D([], [], mfc="white", mec="#333333", marker="o", ls="", ms=3),
+    }
     if any(_horizons(flight) for flight in flights):
-        label = "planned, then abandoned"
-        entries.append(Line2D([], [], color=drawing.HORIZON, ls="--", lw=0.9, label=label))
+        entries["planned, then abandoned"] = Line2D([], [], color=drawing.HORIZON, ls="--", lw=0.9)
     if any(flight.refused is not None for flight in flights):
-        entries.append(Line2D([], [], color=drawing.REFUSED, ls=":", lw=1.6, label="refused"))
+        entries["refused"] = Line2D([], [], color=drawing.REFUSED, ls=":", lw=1.6)
     return entries

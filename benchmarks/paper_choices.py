@@ -1,7 +1,7 @@
 """How the flights through the paper's fields depend on what the paper leaves open.
 
 Run it from a checkout: `.venv/bin/python benchmarks/paper_choices.py [SEEDS]`. Every variant
-flies multi-start through the four fields with policy seeds 0 to SEEDS - 1 (5 by default).
+flies multi-start through the four fields with policy seeds 0 to SEEDS - 1 (3 by default).
 """
 
 from __future__ import annotations
@@ -22,7 +22,6 @@ from ferguson_gym.fields import START_SPEED, Field
 from ferguson_gym.flight import State
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.paper import TABLE_I
-from planners.complex_step import ByComplexStep
 from planners.interface import Plan, depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
@@ -72,7 +71,6 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
     "guesses: random tangents": (RecedingHorizon(random_guess=in_a_random_direction), unchanged),
     "solver precision 1e-4": (RecedingHorizon(solver=Slsqp(precision=1e-4)), unchanged),
     "solver precision 1e-8": (RecedingHorizon(solver=Slsqp(precision=1e-8)), unchanged),
-    "complex-step gradients": (RecedingHorizon(solver=ByComplexStep(Slsqp())), unchanged),
 }
 
 
@@ -122,4 +120,4 @@ def main(seeds: int) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 5)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 3)
