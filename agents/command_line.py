@@ -6,6 +6,7 @@ Exit status 0: done; 1: `plan` found no path; 2: bad input, one line on standard
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 import warnings
@@ -18,6 +19,7 @@ from ferguson_gym.catalog import GRAMMAR, one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import depart
 from ferguson_gym.suites import LAST_SEED
+from planners.catalog import PLANNERS
 
 DONE, NO_PATH, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -48,7 +50,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         print(f"ferguson: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
     try:
-        return job()
+        status = job()
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
     except OSError as error:  # the disk refused what was asked for
         print(f"ferguson: {error}", file=sys.stderr)
         return BAD_INPUT
@@ -62,6 +69,7 @@ def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
+    names = ", ".join(PLANNERS)
     parser = _Parser(
         prog="ferguson",
         description="Plan and evaluate flights through fields of obstacles.",
@@ -77,7 +85,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="example: ferguson plan paper:2 --planner multi-start --plot flight.png",
     )
     plan.add_argument("field", metavar="FIELD", help="for example paper:1 or my_field.json")
-    plan.add_argument("--planner", required=True, metavar="NAME", help="for example multi-start")
+    plan.add_argument("--planner", required=True, metavar="NAME", help=f"one of {names}")
     plan.add_argument("--seed", type=_seed, default=0, metavar="N", help="default: 0")
     plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     plan.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)")
@@ -96,16 +104,22 @@ def _parser() -> argparse.ArgumentParser:
         ),
     )
     evaluate.add_argument(
-        "--policy", action="append", required=True, metavar="P", help="may be given several times"
+        "--policy",
+        action="append",
+        required=True,
+        metavar="P",
+        help=f"a planner ({names}); may be given several times",
     )
     evaluate.add_argument(
         "--fields",
         action="append",
         required=True,
         metavar="SPEC",
-        help="may be given several times",
+        help="for example standard/validation:0-9; may be given several times",
     )
-    evaluate.add_argument("--out", type=Path, required=True, metavar="DIR")
+    evaluate.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
+    )
     evaluate.add_argument(
         "--seeds", type=_seeds, default=range(1), metavar="N|A-B", help="policy seeds; default: 0"
     )

@@ -48,7 +48,8 @@ def evaluate(
     results.write(directory, flown)
     for policy in policies:
         shown = [f for f in flown if f.policy == policy and f.seed == seeds[0]][:PANELS]
-        draw_flights(shown, directory / f"{policy}.png", title=policy)
+        title = f"{policy}, policy seed {seeds[0]}"
+        draw_flights(shown, directory / f"{policy}.png", title=title)
     console = tables.console()
     console.print(tables.summary(flown))
     if (paper := tables.paper_table(flown)) is not None:

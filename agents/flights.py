@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
 
 from agents.policies import Policy, make_policy
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
+from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paper import exact_length
 from ferguson_gym.paths import Path
@@ -70,8 +75,18 @@ class Flight:
         return sum(decision.report.evaluations for decision in self.decisions)
 
 
+@cache
+def compile_kernels() -> None:
+    """Compile, or load from the cache, what a flight's clock should not count; once."""
+    field = Field(name="one disc", obstacles=Discs(np.full((1, 2), 50.0), np.ones(1)))
+    segment = [[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]]
+    inspect(segment, field)
+    field.obstacles.closest(segment)
+
+
 def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
     """Fly a policy through a field in the environment: a function of (policy, field, seed)."""
+    compile_kernels()
     env = ObstacleField()
     began = time.perf_counter()
     observation, info = env.reset(seed=0, options={"field": field})

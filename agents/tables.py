@@ -32,8 +32,7 @@ def _table(title: str, *columns: str, caption: str | None = None) -> Table:
         box=box.SIMPLE_HEAD,
         show_edge=False,
         pad_edge=False,
-        padding=(0, 1, 0, 0),
-        collapse_padding=True,
+        padding=0,
     )
     for index, column in enumerate(columns):
         table.add_column(Text(column), justify="left" if index == 0 else "right", no_wrap=True)
@@ -89,7 +88,7 @@ def paper_table(flights: Sequence[Flight]) -> Table | None:
         "func. eval.",
         "length [m]",
         "shortest",
-        caption="medians over successful flights; N/A: the paper found no path",
+        caption="medians over successful flights (-: none); N/A: the paper found no path",
     )
     pairs = dict.fromkeys((flight.policy, flight.field.name) for flight in known)
     for policy, name in pairs:
@@ -128,14 +127,15 @@ def windows(decisions: Sequence[Decision]) -> Table:
         "rounds",
         "ms",
         "solver",
+        caption="to the goal: re-optimised to end on it, and the objective is then the length",
     )
     for decision in decisions:
         report = decision.report
         known = decision.chain is not None and report.starts > 0
         table.add_row(
             str(report.step),
-            report.start or "none",
-            f"{report.feasible}/{report.starts}",
+            f"{report.start}, to the goal" if report.final else report.start or "none",
+            f"{report.feasible}/{report.starts}" if report.starts else _NONE,
             f"{report.objective:.4f}" if known else _NONE,
             str(report.evaluations),
             str(report.rounds) if known else _NONE,

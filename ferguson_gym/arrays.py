@@ -54,7 +54,8 @@ def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     if len(array.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
     ):
-        wanted = "(" + ", ".join("n" if size is None else str(size) for size in shape) + ")"
+        sizes = ["n" if size is None else str(size) for size in shape]
+        wanted = f"({sizes[0]},)" if len(sizes) == 1 else f"({', '.join(sizes)})"
         raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]} in it")

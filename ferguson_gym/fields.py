@@ -133,6 +133,8 @@ def from_json(path: str | os.PathLike[str]) -> Field:
         none = np.empty((0, np.size(options.get("start", START))))
         centers = none if data["centers"] == [] else data["centers"]
         field = Field(name=path.stem, obstacles=Discs(centers, data["radii"]), **options)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if unknown := sorted(set(data) - {*_REQUIRED, *_OPTIONAL}):

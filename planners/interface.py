@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -53,25 +54,25 @@ def depart(field: Field) -> State:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowReport:
-    """How one decision came about."""
+    """How one decision came about; planners that solve nothing leave the defaults."""
 
     step: int
     """Segments flown before it."""
-    start: str
+    start: str = ""
     """Which first guess led to the chain that was kept; empty if none did."""
-    objective: float
+    objective: float = math.nan
     """Objective of that chain [m]; NaN if there is none."""
-    starts: int
+    starts: int = 0
     """Guesses from which the solver was started."""
-    feasible: int
+    feasible: int = 0
     """How many of them led to a certified chain."""
-    final: bool
+    final: bool = False
     """Whether the chain was then re-optimised to end on the goal; the objective is its length."""
-    evaluations: int
+    evaluations: int = 0
     """Evaluations of the objective, over all starts and the re-optimisation."""
-    rounds: int
+    rounds: int = 0
     """Solves of the kept chain's problem until certification had nothing to add."""
-    solver_status: str
+    solver_status: str = ""
     """The solver's word on the kept chain."""
     seconds: float
     """Time to decide, certification included."""

@@ -189,9 +189,9 @@ def test_only_the_end_of_a_segment_is_encoded():
         ([0.0, 0.0, -7.0, 0.0], r"lies in \[-1, 1\]"),
         ([0.0, 0.0, np.nan, 0.0], "action must be finite, got nan"),
         ([np.inf, 0.0, 0.0, 0.0], "action must be finite, got inf"),
-        ([0.0, 0.0, 0.0], r"action must have shape \(4\), got \(3,\)"),
-        ([[0.0, 0.0, 0.0, 0.0]], r"action must have shape \(4\), got \(1, 4\)"),
-        (0.0, r"action must have shape \(4\), got \(\)"),
+        ([0.0, 0.0, 0.0], r"action must have shape \(4,\), got \(3,\)"),
+        ([[0.0, 0.0, 0.0, 0.0]], r"action must have shape \(4,\), got \(1, 4\)"),
+        (0.0, r"action must have shape \(4,\), got \(\)"),
         ("ahead", "action must be an array of numbers"),
     ],
 )

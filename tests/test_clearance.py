@@ -262,7 +262,7 @@ def test_batches_of_any_shape_are_searched_one_by_one():
         (np.full((4, 2), np.nan), [[0, 0]], [1], "control array"),
         (np.zeros((4, 2)), [[0, 0, 0]], [1], r"centers must have shape \(n, 2\), got \(1, 3\)"),
         (np.zeros((4, 2)), [0, 0], [1], r"centers must have shape \(n, 2\), got \(2,\)"),
-        (np.zeros((4, 2)), [[0, 0]], [1, 2], r"radii must have shape \(1\), got \(2,\)"),
+        (np.zeros((4, 2)), [[0, 0]], [1, 2], r"radii must have shape \(1,\), got \(2,\)"),
         (np.zeros((4, 2)), [[0, np.nan]], [1], "centers must be finite, got nan"),
         (np.zeros((4, 2)), [[0, 0]], [np.inf], "radii must be finite, got inf"),
         (np.zeros((4, 2)), [[0, 0]], ["wide"], "radii must be an array of numbers"),

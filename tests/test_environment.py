@@ -229,7 +229,7 @@ def test_the_last_segment_truncates_and_counts_as_failure() -> None:
 @pytest.mark.parametrize(
     ("action", "message"),
     [
-        (np.zeros(3), r"action must have shape \(4\), got \(3,\)"),
+        (np.zeros(3), r"action must have shape \(4,\), got \(3,\)"),
         (np.array([0.0, np.nan, 0.0, 0.0]), "action must be finite, got nan"),
         (np.array([0.0, 0.0, 1.5, 0.0]), r"an action lies in \[-1, 1\], got"),
     ],

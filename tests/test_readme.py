@@ -31,7 +31,14 @@ def is_long(command: list[str]) -> bool:
     return "0-29" in command
 
 
-@pytest.mark.parametrize("command", [words for words in commands() if words[0] != "make"])
+@pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(words, marks=[pytest.mark.slow] if is_long(words) else [])
+        for words in commands()
+        if words[0] not in ("make", "git")
+    ],
+)
 def test_commands_run(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert command[0] == ".venv/bin/ferguson"
     monkeypatch.chdir(tmp_path)
