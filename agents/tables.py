@@ -88,7 +88,7 @@ def paper_table(flights: Sequence[Flight]) -> Table | None:
         "func. eval.",
         "length [m]",
         "shortest",
-        caption="medians over successful flights (-: none); N/A: the paper found no path",
+        caption="medians over successes (-: none); N/A: the paper found no path",
     )
     pairs = dict.fromkeys((flight.policy, flight.field.name) for flight in known)
     for policy, name in pairs:
@@ -123,18 +123,18 @@ def windows(decisions: Sequence[Decision]) -> Table:
         "start kept",
         "feasible",
         "objective [m]",
-        "func. eval.",
+        "eval.",
         "rounds",
         "ms",
         "solver",
-        caption="to the goal: re-optimised to end on it, and the objective is then the length",
+        caption="final: re-optimised to end on the goal; the objective is then the length",
     )
     for decision in decisions:
         report = decision.report
         known = decision.chain is not None and report.starts > 0
         table.add_row(
             str(report.step),
-            f"{report.start}, to the goal" if report.final else report.start or "none",
+            f"{report.start}, final" if report.final else report.start or "none",
             f"{report.feasible}/{report.starts}" if report.starts else _NONE,
             f"{report.objective:.4f}" if known else _NONE,
             str(report.evaluations),
