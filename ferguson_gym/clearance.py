@@ -6,8 +6,8 @@ point and the disc's centre) plus 1e-15 of the largest coordinate. For a flight 
 paper's field that is below 1e-7 m.
 
 Reference:
-    The paper, section III-C3, samples 29 points of a segment; a sampled curve can cut
-    some millimetres into a disc.
+    The paper, section III-C3, samples 29 points of a segment; a curve can cut
+    into a disc between them.
 """
 
 from __future__ import annotations
