@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection
@@ -76,7 +75,8 @@ def draw_refused(axes: Axes, control: Array) -> None:
 def style() -> dict[Any, Any]:
     """Matplotlib settings shared by all figures, for `matplotlib.rc_context`."""
     return {
-        **{key: mpl.rcParamsDefault[key] for key in ("text.color", "axes.facecolor")},
+        "text.color": "black",
+        "axes.facecolor": "white",
         "font.size": 8,
         "axes.titlesize": 9,
         "axes.linewidth": 0.8,
