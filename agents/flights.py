@@ -12,13 +12,13 @@ import numpy as np
 from agents.policies import Policy, make_policy
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paper import exact_length
 from ferguson_gym.paths import Path
-from planners.interface import Decision
+from planners.catalog import multi_start
+from planners.interface import Decision, depart
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -78,10 +78,9 @@ class Flight:
 @cache
 def compile_kernels() -> None:
     """Compile, or load from the cache, what a flight's clock should not count; once."""
-    field = Field(name="one disc", obstacles=Discs(np.full((1, 2), 50.0), np.ones(1)))
-    segment = [[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]]
-    inspect(segment, field)
-    field.obstacles.closest(segment)
+    field = Field(name="one disc", obstacles=Discs(np.full((1, 2), 9.0), np.ones(1)))
+    multi_start().decide(field, depart(field), 0)
+    field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
 
 
 def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:

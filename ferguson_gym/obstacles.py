@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ferguson_gym import clearance as certified
 from ferguson_gym.arrays import Array, GenericArray, finite, frozen, real
+from ferguson_gym.compilation import compiled
 
 
 class Obstacles(Protocol):
@@ -24,6 +25,9 @@ class Obstacles(Protocol):
     def signed_distance(self, points: GenericArray) -> GenericArray:
         """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside."""
 
+    def are_free(self, points: Array) -> NDArray[np.bool_]:
+        """Whether no point of each set (*batch, k, D) is inside an obstacle: (*batch,)."""
+
     def gradient(self, points: Array) -> Array:
         """Gradient of `signed_distance` with respect to the point: (*batch, n, D)."""
 
@@ -35,6 +39,23 @@ class Obstacles(Protocol):
 
     def closest(self, control: ArrayLike) -> tuple[Array, Array]:
         """Certified clearance from each obstacle and its parameter: 2 x (*batch, n)."""
+
+
+@compiled
+def _are_free(points: Array, centers: Array, radii: Array) -> NDArray[np.bool_]:
+    result = np.ones(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        for disc in range(len(radii)):
+            for i in range(points.shape[1]):
+                square = 0.0
+                for d in range(points.shape[2]):
+                    square += (points[k, i, d] - centers[disc, d]) ** 2
+                if square < radii[disc] ** 2:
+                    result[k] = False
+                    break
+            if not result[k]:
+                break
+    return result
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -82,6 +103,11 @@ class Discs:
         offset = points[..., None, :] - self.centers
         distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
         return distance
+
+    def are_free(self, points: Array) -> NDArray[np.bool_]:
+        """Whether no point of each set (*batch, k, D) is inside a disc: (*batch,)."""
+        flat = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))
+        return _are_free(flat, self.centers, self.radii).reshape(points.shape[:-2])
 
     def gradient(self, points: Array) -> Array:
         """Unit vectors away from the centres: (*batch, n, D); zero at a centre."""

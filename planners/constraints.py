@@ -155,6 +155,6 @@ class InsideAt:
         return np.concatenate([rows, -rows]), np.tile(np.repeat(self.segment, dimension), 2)
 
 
-def sampled_clearance(obstacles: Obstacles, samples: int) -> SampledClearance:
-    """Clearance at the paper's parameters: `samples` uniform ones less the first, t = 0."""
-    return SampledClearance(obstacles, basis(np.linspace(0.0, 1.0, samples)[1:]))
+def sample_weights(samples: int) -> Array:
+    """Weights (samples - 1, 4) at the paper's parameters: uniform ones less the first, t = 0."""
+    return basis(np.linspace(0.0, 1.0, samples)[1:])

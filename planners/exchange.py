@@ -11,9 +11,14 @@ Reference:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym.arc_length import length
 from ferguson_gym.arrays import Array
@@ -23,9 +28,9 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from ferguson_gym.splines import basis, extent
 from planners.constraints import ClearanceAt, Constraint, InsideAt, LengthBounds, SpeedAt
-from planners.problem import Problem
 from planners.quadrature import lengths
-from planners.solvers import Solution, Solver
+from planners.solvers import Slsqp, Solution, Solver
+from planners.window import Window
 
 AIM = 1e-6
 """Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
@@ -49,28 +54,70 @@ class Certified:
     """Evaluations of the objective in all rounds."""
     rounds: int
     """Solves, 1 if no row had to join."""
+    seconds: float
+    """Time of all rounds, certification included."""
 
 
-def solve_certified(
-    solver: Solver, problem: Problem, guess: Array, field: Field, limits: Limits
-) -> Certified:
-    """Solve a window from a guess (unknowns,) until certification has nothing to add."""
-    evaluations, rounds = 0, 0
-    while True:
-        solution = solver.solve(problem, guess)
-        evaluations, rounds = evaluations + solution.evaluations, rounds + 1
-        control = problem.chain.control(solution.x)
-        feasible = bool(is_feasible(control, field, limits, AIM).all())
-        if feasible or rounds == ROUNDS or problem.c(solution.x).min() < -HOPELESS:
-            break
-        problem, guess = problem.joined_by(broken_rows(control, field, limits)), solution.x
-    return Certified(
-        solution=solution,
-        control=control,
-        feasible=feasible,
-        evaluations=evaluations,
-        rounds=rounds,
-    )
+class WindowSolver(Protocol):
+    """Finds certified local minima of a window."""
+
+    def solve(
+        self, window: Window, guesses: Sequence[Array], until: float = math.inf
+    ) -> list[Certified]:
+        """Start at each of some guesses (n, 4, D), which need not be feasible.
+
+        Args:
+            window: what is planned.
+            guesses: segments (n, 4, D) each.
+            until: when to stop with the best found so far, on the clock of
+                `time.perf_counter` [s].
+        """
+
+
+def certify(window: Window, control: Array) -> NDArray[np.bool_]:
+    """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,)."""
+    return np.asarray(is_feasible(control, window.field, window.limits, AIM).all(axis=-1))
+
+
+@dataclass(frozen=True, slots=True)
+class ByExchange:
+    """A solver of programmes made to solve windows: sampled, then joined row by row."""
+
+    solver: Solver = field(default_factory=Slsqp)
+
+    def solve(
+        self, window: Window, guesses: Sequence[Array], until: float = math.inf
+    ) -> list[Certified]:
+        """Certified local minima from guesses; the deadline counts between two solves."""
+        ends: list[Certified] = []
+        for guess in guesses:
+            if ends and time.perf_counter() > until:
+                break
+            ends.append(self._solve(window, guess, until))
+        return ends
+
+    def _solve(self, window: Window, guess: Array, until: float) -> Certified:
+        began = time.perf_counter()
+        problem, x = window.sampled(), window.chain.unknowns(guess)
+        evaluations, rounds = 0, 0
+        while True:
+            solution = self.solver.solve(problem, x)
+            evaluations, rounds = evaluations + solution.evaluations, rounds + 1
+            x, control = solution.x, window.chain.control(solution.x)
+            feasible = bool(certify(window, control[None])[0])
+            if feasible or rounds == ROUNDS or problem.c(x).min() < -HOPELESS:
+                break
+            if time.perf_counter() > until:
+                break
+            problem = problem.joined_by(broken_rows(control, window.field, window.limits))
+        return Certified(
+            solution=solution,
+            control=control,
+            feasible=feasible,
+            evaluations=evaluations,
+            rounds=rounds,
+            seconds=time.perf_counter() - began,
+        )
 
 
 def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint]:

@@ -74,6 +74,8 @@ class WindowReport:
     """Solves of the kept chain's problem until certification had nothing to add."""
     solver_status: str = ""
     """The solver's word on the kept chain."""
+    cut_short: bool = False
+    """Whether a deadline passed before the search was over."""
     seconds: float
     """Time to decide, certification included."""
 

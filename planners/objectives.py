@@ -1,4 +1,8 @@
-"""What a window minimises: short pure functions of the chain, with exact gradients."""
+"""What a window minimises: short functions of the length flown and the point reached.
+
+With l the summed length of a chain's segments and P its last point, an objective is F(l, P);
+derivatives with respect to the unknowns follow by the chain rule from those of l and P.
+"""
 
 from __future__ import annotations
 
@@ -8,31 +12,29 @@ from typing import Protocol
 import numpy as np
 
 from ferguson_gym.arrays import Array, GenericArray
-from planners.quadrature import length_gradients, lengths
+from ferguson_gym.compilation import compiled
 
 _NOTHING = 1e-9
-"""Distances below this [m] count as this."""
+"""The least distance [m]: a chain that ends where it starts must have a value."""
 
 
 class Objective(Protocol):
-    """A function of a chain's segments."""
+    """A function F(l, P) of the length flown and the point reached [m]."""
 
-    def value(self, control: GenericArray) -> GenericArray:
-        """Value for segments (n, 4, D), real or complex."""
+    @property
+    def tip(self) -> Array | None:
+        """The point reached where F is least whatever the length, with a kink; None if smooth."""
 
-    def gradient(self, control: Array) -> Array:
-        """Gradient with respect to every segment's control array: (n, 4, D)."""
+    def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
+        """F for a length () and a point (D,), real or complex."""
+
+    def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
+        """F, its gradient (1 + D,) and Hessian (1 + D, 1 + D) with respect to (l, P)."""
 
 
 def _distance(offset: GenericArray) -> GenericArray:
     # no conjugate, so that a complex step differentiates it
-    distance: GenericArray = np.sqrt(np.sum(offset * offset))
-    return distance
-
-
-def _apart(distance: GenericArray) -> GenericArray:
-    # a chain that ends where it starts is as bad as can be, yet its value must be a number
-    return distance if distance.real > _NOTHING else np.asarray(_NOTHING)
+    return np.sqrt(np.sum(offset * offset) + _NOTHING**2)  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -46,44 +48,74 @@ class HorizonObjective:
         The paper, section III-C2 and equation (2).
     """
 
+    start: Array
+    """(D,) [m]."""
     goal: Array
     """(D,) [m]."""
     alpha: float
     """Weight of directness."""
 
-    def value(self, control: GenericArray) -> GenericArray:
-        """Value for segments (n, 4, D), real or complex."""
-        d = _distance(self.goal - control[-1, 1])
-        straight = _apart(_distance(control[-1, 1] - control[0, 0]))
-        return np.asarray(d * (1.0 + self.alpha * np.sum(lengths(control)) / straight))
+    @property
+    def tip(self) -> Array:
+        """The goal, around which the distance to it is a cone."""
+        return self.goal
 
-    def gradient(self, control: Array) -> Array:
-        """Gradient with respect to every segment's control array: (n, 4, D)."""
-        to_goal = control[-1, 1] - self.goal
-        chord = control[-1, 1] - control[0, 0]
-        d, straight = float(_distance(to_goal)), float(_apart(_distance(chord)))
-        flown = float(np.sum(lengths(control)))
-        gradient = d * self.alpha / straight * length_gradients(control)
-        if d > 0.0:
-            gradient[-1, 1] += (1.0 + self.alpha * flown / straight) * to_goal / d
-        bend = d * self.alpha * flown / straight**3 * chord
-        gradient[-1, 1] -= bend
-        gradient[0, 0] += bend
-        return gradient
+    def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
+        """F for a length () and a point (D,), real or complex."""
+        straight = _distance(end - self.start)
+        return _distance(self.goal - end) * (1.0 + self.alpha * length / straight)
+
+    def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
+        """F, its gradient (1 + D,) and Hessian (1 + D, 1 + D) with respect to (l, P)."""
+        return _expand_horizon(length, end, self.start, self.goal, self.alpha)
+
+
+@compiled
+def _expand_horizon(
+    length: float, end: Array, start: Array, goal: Array, alpha: float
+) -> tuple[float, Array, Array]:
+    dimension = len(end)
+    toward, away = end - goal, end - start
+    d = np.sqrt(np.sum(toward * toward) + _NOTHING**2)
+    straight = np.sqrt(np.sum(away * away) + _NOTHING**2)
+    u, v = toward / d, away / straight
+    # F = d q with q = 1 + alpha l / l_min
+    share = alpha / straight
+    q = 1.0 + share * length
+    slope, curvature = np.empty(1 + dimension), np.zeros((1 + dimension, 1 + dimension))
+    slope[0] = d * share
+    for i in range(dimension):
+        slope[1 + i] = q * u[i] - d * share * length / straight * v[i]
+        curvature[0, 1 + i] = share * (u[i] - d / straight * v[i])
+        curvature[1 + i, 0] = curvature[0, 1 + i]
+        for j in range(dimension):
+            same = 1.0 if i == j else 0.0
+            turn_d = (same - u[i] * u[j]) / d
+            turn_straight = (3.0 * v[i] * v[j] - same) / straight
+            curvature[1 + i, 1 + j] = q * turn_d + share * length / straight * (
+                d * turn_straight - u[i] * v[j] - v[i] * u[j]
+            )
+    return d * q, slope, curvature
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LengthObjective:
-    """Summed length of the segments [m], once the chain ends on the goal.
+    """The length flown [m], once the chain ends on the goal.
 
     Reference:
         The paper, section III-C4.
     """
 
-    def value(self, control: GenericArray) -> GenericArray:
-        """Value for segments (n, 4, D), real or complex."""
-        return np.asarray(np.sum(lengths(control)))
+    @property
+    def tip(self) -> None:
+        """None: smooth."""
 
-    def gradient(self, control: Array) -> Array:
-        """Gradient with respect to every segment's control array: (n, 4, D)."""
-        return length_gradients(control)
+    def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
+        """F for a length () and a point (D,), real or complex."""
+        return length
+
+    def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
+        """F, its gradient (1 + D,) and Hessian (1 + D, 1 + D) with respect to (l, P)."""
+        slope = np.zeros(1 + len(end))
+        slope[0] = 1.0
+        return length, slope, np.zeros((len(slope), len(slope)))

@@ -11,7 +11,9 @@ import numpy as np
 from ferguson_gym.arrays import Array, GenericArray
 from planners.chain import Chain
 from planners.constraints import Constraint
+from planners.expansion import BENDING
 from planners.objectives import Objective
+from planners.quadrature import bending, length_gradients, lengths
 
 
 class Programme(Protocol):
@@ -42,10 +44,14 @@ class Problem:
     objective: Objective
     constraints: Sequence[Constraint]
     bounds: tuple[Array, Array]
+    stiffness: float = 0.0
+    """Weight of the bending in the objective [1/m]."""
 
     def f(self, x: GenericArray) -> GenericArray:
         """Objective."""
-        return self.objective.value(self.chain.control(x))
+        control = self.chain.control(x)
+        value = self.objective.value(np.sum(lengths(control)), control[-1, 1])
+        return value + self.stiffness * bending(control)
 
     def c(self, x: GenericArray) -> GenericArray:
         """Constraints (m,), feasible where >= 0."""
@@ -54,7 +60,12 @@ class Problem:
 
     def gradient(self, x: Array) -> Array:
         """Gradient of the objective (unknowns,), by the chain rule."""
-        rows = self.objective.gradient(self.chain.control(x))
+        control = self.chain.control(x)
+        length = float(np.sum(lengths(control)))
+        _, slope, _ = self.objective.expand(length, control[-1, 1])
+        rows = slope[0] * length_gradients(control)
+        rows[-1, 1] += slope[1:]
+        rows += 2.0 * self.stiffness * (BENDING @ control)
         return np.asarray(self.chain.pull(rows, np.arange(len(rows))).sum(axis=0))
 
     def jacobian(self, x: Array) -> Array:

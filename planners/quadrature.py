@@ -11,14 +11,20 @@ import numpy as np
 
 from ferguson_gym.arrays import Array, GenericArray
 from ferguson_gym.splines import basis
+from planners.expansion import BENDING
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _SLOPES = basis(0.5 * (_NODES + 1.0), 1)
 _WEIGHTS = 0.5 * _WEIGHTS
 
 
+def bending(control: GenericArray) -> GenericArray:
+    """Integral of |X''(t)|^2 over t in [0, 1], summed over segments (n, 4, D): () [m^2]."""
+    return np.asarray(np.sum(control * (BENDING @ control)))
+
+
 def lengths(control: GenericArray) -> GenericArray:
-    """Arc length [m] of segments (n, 4, D): (n,).
+    """Arc length [m] of segments (*batch, 4, D): (*batch,).
 
     Reference:
         The paper, equation (3).

@@ -22,13 +22,12 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from planners.exchange import Certified, solve_certified
+from planners.exchange import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
-from planners.problem import Problem
+from planners.multi_start import MultiStart
 from planners.rollout import roll_out
-from planners.solvers import Slsqp, Solver
-from planners.starts import RandomGuess, random_chain, shifted, straight
-from planners.window import WindowSettings, final_problem, horizon_problem
+from planners.starts import RandomGuess, random_chains, shifted, straight
+from planners.window import Window, WindowSettings, final_window, horizon_window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,11 +45,14 @@ class RecedingHorizon:
     """Random feasible guesses beside the shifted plan, for each window."""
     draws: int = 10
     """Most draws for each of them; a start that stays infeasible is left out."""
-    random_guess: RandomGuess = random_chain
+    random_guess: RandomGuess = random_chains
     """How a random guess is drawn."""
-    solver: Solver = field(default_factory=Slsqp)
+    solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
+    deadline: float = math.inf
+    """Time [s] for a decision. When it has passed, the best certified chain found so far is
+    flown, or what is left of the last; results then depend on the machine."""
 
     def __post_init__(self) -> None:
         if self.limits.longest + self.limits.tolerance > REACH:
@@ -66,70 +68,88 @@ class RecedingHorizon:
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and what is meant to follow it."""
         began = time.perf_counter()
-        if (rest := self._rest(field, state)) is not None:
-            return Decision(rest, _report(state, "planned", None, [], time.perf_counter() - began))
+        until = began + self.deadline
+        arriving = len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
+        if arriving and (rest := self._rest(field, state)) is not None:
+            return Decision(rest, _report(state, "planned", None, [], began))
         vehicle = state.vehicle
-        segments = self._segments(field, vehicle)
-        problem = horizon_problem(field, vehicle, self.limits, self.settings, segments)
+        window = self.window(field, vehicle)
         solved: list[tuple[str, Certified]] = []
-        for name, guess in self._guesses(problem, state, seed):
-            end = solve_certified(
-                self.solver, problem, problem.chain.unknowns(guess), field, self.limits
+        for starts in self.starts(window, state, seed):
+            names, guesses = zip(*starts, strict=True)
+            ends = self.solver.solve(window, guesses, until)
+            solved += zip(names, ends, strict=False)
+            # sorting is stable: the first of equal chains wins, as in the paper
+            ranked = sorted(
+                ((name, end) for name, end in solved if end.feasible),
+                key=lambda pair: pair[1].solution.objective,
             )
-            solved.append((name, end))
-        # sorting is stable: the first of equal chains wins, as in the paper
-        ranked = sorted(
-            ((name, end) for name, end in solved if end.feasible),
-            key=lambda pair: pair[1].solution.objective,
-        )
-        for name, kept in ranked:
-            final = self._finish(field, state, kept.control)
-            kept = final or kept
-            if not flight.follow(field, vehicle, kept.control[0], self.limits).flown:
-                continue
-            seconds = time.perf_counter() - began
-            return Decision(kept.control, _report(state, name, kept, solved, seconds, final))
-        seconds = time.perf_counter() - began
-        return Decision(None, _report(state, "", None, solved, seconds))
+            for name, kept in ranked:
+                final = self._finish(field, state, kept.control, until)
+                kept = final or kept
+                if flight.follow(field, vehicle, kept.control[0], self.limits).flown:
+                    report = _report(state, name, kept, solved, began, until, final)
+                    return Decision(kept.control, report)
+            if time.perf_counter() > until:
+                if (rest := self._rest(field, state)) is not None:
+                    report = _report(state, "planned", None, solved, began, until)
+                    return Decision(rest, report)
+                break
+        return Decision(None, _report(state, "", None, solved, began, until))
 
-    def _segments(self, field: Field, vehicle: flight.State) -> int:
-        """Segments in a window: three, fewer if even the shortest would overshoot the goal."""
+    def window(self, field: Field, vehicle: flight.State) -> Window:
+        """What is planned next: three segments, fewer if even the shortest would overshoot."""
         distance = float(np.linalg.norm(field.goal - vehicle.position))
         fit = max(1, int(distance / self.limits.shortest))
-        return min(self.settings.segments, fit)
+        segments = min(self.settings.segments, fit)
+        return horizon_window(field, vehicle, self.limits, self.settings, segments)
 
-    def _guesses(self, problem: Problem, state: State, seed: int) -> Iterator[tuple[str, Array]]:
-        """The shifted plan (at first a straight line), then random feasible chains."""
-        vehicle, segments = state.vehicle, problem.chain.segments
+    def starts(self, window: Window, state: State, seed: int) -> Iterator[list[tuple[str, Array]]]:
+        """The shifted plan (at first a straight line) and random feasible chains, by name.
+
+        Where they lead to nothing, random chains again, drawn ten times as often, and once
+        more.
+        """
+        vehicle, segments = state.vehicle, window.chain.segments
         if len(state.tail):
-            yield "shifted", shifted(vehicle, state.tail, segments)
+            first = "shifted", shifted(vehicle, state.tail, segments)
         else:
-            yield "straight", straight(vehicle, segments, self.limits)
+            first = "straight", straight(vehicle, segments, self.limits)
+        if self.random_starts == 0:
+            yield [first]
+            return
         stream = np.random.default_rng([seed, vehicle.segments])
-        low, high = problem.bounds
-        for start in range(1, self.random_starts + 1):
-            for _ in range(self.draws):
-                guess = self.random_guess(stream, vehicle, segments, self.limits)
-                x = problem.chain.unknowns(guess)
-                if (low <= x).all() and (x <= high).all() and problem.c(x).min() >= 0.0:
-                    yield f"random {start}", guess
-                    break
+        yield [first, *self._drawn(window, vehicle, stream, self.draws)]
+        for often in (10, 100):
+            if starts := self._drawn(window, vehicle, stream, often * self.draws):
+                yield starts
 
-    def _finish(self, field: Field, state: State, chain: Array) -> Certified | None:
+    def _drawn(
+        self, window: Window, vehicle: flight.State, stream: np.random.Generator, draws: int
+    ) -> list[tuple[str, Array]]:
+        """The first feasible chain of some draws, for each random start that has one."""
+        count = self.random_starts * draws
+        drawn = self.random_guess(stream, vehicle, window.chain.segments, self.limits, count)
+        admitted = window.admits(drawn).reshape(self.random_starts, draws)
+        return [
+            (f"random {start + 1}", drawn[start * draws + admitted[start].argmax()])
+            for start in np.flatnonzero(admitted.any(axis=1))
+        ]
+
+    def _finish(self, field: Field, state: State, chain: Array, until: float) -> Certified | None:
         """The chain re-optimised to end on the goal, if its end is within the gate."""
         if np.linalg.norm(chain[-1, 1] - field.goal) > self.limits.gate:
             return None
-        problem = final_problem(field, state.vehicle, self.limits, self.settings, len(chain))
-        guess = problem.chain.unknowns(chain)
-        final = solve_certified(self.solver, problem, guess, field, self.limits)
+        window = final_window(field, state.vehicle, self.limits, self.settings, len(chain))
+        (final,) = self.solver.solve(window, [chain], until)
         if not final.feasible:
             return None
         step = flight.follow(field, state.vehicle, final.control[0], self.limits)
         return final if step.flown else None
 
     def _rest(self, field: Field, state: State) -> Array | None:
-        """The plan's rest if it ends on the goal and is feasible from the state flown."""
-        if len(state.tail) == 0 or not np.array_equal(state.tail[-1, 1], field.goal):
+        """The plan's rest, if there is any and it is feasible from the state flown."""
+        if len(state.tail) == 0:
             return None
         chain = shifted(state.vehicle, state.tail, len(state.tail))
         # the tolerance covers the rounding of the segment flown last
@@ -143,9 +163,11 @@ def _report(
     start: str,
     kept: Certified | None,
     solved: list[tuple[str, Certified]],
-    seconds: float,
+    began: float,
+    until: float = math.inf,
     final: Certified | None = None,
 ) -> WindowReport:
+    now = time.perf_counter()
     return WindowReport(
         step=state.vehicle.segments,
         start=start,
@@ -157,5 +179,6 @@ def _report(
         + (0 if final is None else final.evaluations),
         rounds=0 if kept is None else kept.rounds,
         solver_status="" if kept is None else kept.solution.status,
-        seconds=seconds,
+        cut_short=now > until,
+        seconds=now - began,
     )

@@ -18,8 +18,8 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.flight import State
 from ferguson_gym.limits import Limits
 
-RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits], Array]
-"""Draws a chain (segments, 4, D) from a state; it need not be feasible."""
+RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
+"""Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""
 
 
 def straight(state: State, segments: int, limits: Limits) -> Array:
@@ -53,25 +53,31 @@ def shifted(state: State, tail: Array, segments: int) -> Array:
     return chain
 
 
-def random_chain(stream: np.random.Generator, state: State, segments: int, limits: Limits) -> Array:
-    """A random chain (segments, 4, D), in the plane; it need not be feasible.
+def random_chains(
+    stream: np.random.Generator, state: State, segments: int, limits: Limits, count: int
+) -> Array:
+    """Random chains (count, segments, 4, D), in the plane; they need not be feasible.
 
     Each point lies in a uniformly random direction from the one before, at a distance
     uniform between the shortest and the longest segment. Our choice of derivatives: half
     the way from the point before to the point after (Catmull-Rom), at the end the last
     step itself.
     """
-    distance = stream.uniform(limits.shortest, limits.longest, segments)
-    angle = stream.uniform(-np.pi, np.pi, segments)
-    steps = distance[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    points = np.vstack([state.position, state.position + np.cumsum(steps, axis=0)])
+    distance = stream.uniform(limits.shortest, limits.longest, (count, segments))
+    angle = stream.uniform(-np.pi, np.pi, (count, segments))
+    steps = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    points = np.empty((count, segments + 1, 2))
+    points[:, 0] = state.position
+    points[:, 1:] = state.position + np.cumsum(steps, axis=1)
     return through(state, points)
 
 
 def through(state: State, points: Array) -> Array:
-    """A chain (n, 4, D) through points (n + 1, D) with Catmull-Rom derivatives."""
+    """Chains (*batch, n, 4, D) through points (*batch, n + 1, D), Catmull-Rom derivatives."""
     slopes = np.empty_like(points)
-    slopes[0] = state.derivative
-    slopes[1:-1] = 0.5 * (points[2:] - points[:-2])
-    slopes[-1] = points[-1] - points[-2]
-    return np.stack([points[:-1], points[1:], slopes[:-1], slopes[1:]], axis=1)
+    slopes[..., 0, :] = state.derivative
+    slopes[..., 1:-1, :] = 0.5 * (points[..., 2:, :] - points[..., :-2, :])
+    slopes[..., -1, :] = points[..., -1, :] - points[..., -2, :]
+    return np.stack(
+        [points[..., :-1, :], points[..., 1:, :], slopes[..., :-1, :], slopes[..., 1:, :]], axis=-2
+    )

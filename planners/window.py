@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym import flight
+from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
+from ferguson_gym.obstacles import Obstacles
 from planners.chain import Chain
-from planners.constraints import Constraint, LengthBounds, sampled_clearance
+from planners.constraints import Constraint, LengthBounds, SampledClearance, sample_weights
 from planners.objectives import HorizonObjective, LengthObjective, Objective
 from planners.problem import Problem
+from planners.quadrature import lengths
 
 DERIVATIVE_BOUND = 1000.0
 """Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
@@ -28,55 +33,101 @@ class WindowSettings:
     """Weight of directness in the objective; equation (2)."""
     samples: int = 30
     """n_s, uniform parameters at which clearance is required, the first of them t = 0."""
+    stiffness: float = 0.0
+    """Weight of the integral of |X''|^2 over t in the objective [1/m]; not in the paper."""
 
 
-def horizon_problem(
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Window:
+    """What is planned together: a chain, what it minimises, what it must keep clear of."""
+
+    chain: Chain
+    objective: Objective
+    field: Field
+    obstacles: Obstacles
+    """Those of the field's that a solver looks at; certification looks at all."""
+    limits: Limits
+    samples: int
+    """The paper's n_s."""
+    stiffness: float
+    """Weight of the bending in the objective [1/m]; the paper has none."""
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Least and greatest unknowns (m,) each."""
+        low, high = self.field.bounds
+        return self.chain.bounds(low, high, DERIVATIVE_BOUND)
+
+    def admits(self, control: Array) -> NDArray[np.bool_]:
+        """Whether chains (count, n, 4, D) satisfy the paper's sampled constraints: (count,)."""
+        low, high = self.field.bounds
+        points, slopes = control[:, :, 1], control[:, :, 3]
+        inside = (points >= low) & (points <= high) & (abs(slopes) <= DERIVATIVE_BOUND)
+        length = lengths(control)
+        fit = (length >= self.limits.shortest) & (length <= self.limits.longest)
+        admitted = np.asarray(inside.all(axis=(1, 2)) & fit.all(axis=1))
+        sampled = sample_weights(self.samples) @ control[admitted]
+        count, segments, samples, dimension = sampled.shape
+        sets = sampled.reshape(count, segments * samples, dimension)
+        admitted[admitted] = self.obstacles.are_free(sets)
+        return admitted
+
+    def sampled(self) -> Problem:
+        """The window as the paper's programme, clearance required at samples."""
+        return _sampled(self)
+
+
+@lru_cache(maxsize=4)
+def _sampled(window: Window) -> Problem:
+    constraints: list[Constraint] = [LengthBounds(window.limits, np.zeros(window.chain.segments))]
+    if len(window.obstacles):
+        constraints.append(SampledClearance(window.obstacles, sample_weights(window.samples)))
+    return Problem(window.chain, window.objective, constraints, window.box, window.stiffness)
+
+
+def horizon_window(
     field: Field,
     vehicle: flight.State,
     limits: Limits,
     settings: WindowSettings,
     segments: int,
-) -> Problem:
+) -> Window:
     """Get close to the goal, directly, past the obstacles within the look-ahead.
 
     Reference:
         The paper, sections III-C1 to III-C3. Its window test is printed with >=; an
         obstacle counts when it is at most three longest segments away.
     """
-    reach = settings.segments * limits.longest
-    chain = Chain.from_state(vehicle.position, vehicle.derivative, segments)
-    objective = HorizonObjective(field.goal, settings.alpha)
-    return _problem(chain, objective, field, limits, settings, reach)
+    return Window(
+        chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
+        objective=HorizonObjective(vehicle.position, field.goal, settings.alpha),
+        field=field,
+        obstacles=field.obstacles.near(vehicle.position, settings.segments * limits.longest),
+        limits=limits,
+        samples=settings.samples,
+        stiffness=settings.stiffness,
+    )
 
 
-def final_problem(
+def final_window(
     field: Field,
     vehicle: flight.State,
     limits: Limits,
     settings: WindowSettings,
     segments: int,
-) -> Problem:
+) -> Window:
     """The shortest chain that ends on the goal, past all obstacles.
 
     Reference:
         The paper, section III-C4.
     """
     chain = Chain.from_state(vehicle.position, vehicle.derivative, segments)
-    chain = chain.ending_at(field.goal)
-    return _problem(chain, LengthObjective(), field, limits, settings, np.inf)
-
-
-def _problem(
-    chain: Chain,
-    objective: Objective,
-    field: Field,
-    limits: Limits,
-    settings: WindowSettings,
-    reach: float,
-) -> Problem:
-    constraints: list[Constraint] = [LengthBounds(limits, np.zeros(chain.segments))]
-    obstacles = field.obstacles.near(chain.knots[0, 0], reach)
-    if len(obstacles):
-        constraints.append(sampled_clearance(obstacles, settings.samples))
-    box = chain.bounds(field.bounds[0], field.bounds[1], DERIVATIVE_BOUND)
-    return Problem(chain, objective, constraints, box)
+    return Window(
+        chain=chain.ending_at(field.goal),
+        objective=LengthObjective(),
+        field=field,
+        obstacles=field.obstacles,
+        limits=limits,
+        samples=settings.samples,
+        stiffness=settings.stiffness,
+    )

@@ -13,16 +13,18 @@ from planners.complex_step import ByComplexStep, ComplexStep, complex_step
 from planners.constraints import ClearanceAt, InsideAt, SpeedAt
 from planners.problem import Problem
 from planners.solvers import Slsqp
-from planners.starts import random_chain, straight
-from planners.window import WindowSettings, final_problem, horizon_problem
+from planners.starts import random_chains, straight
+from planners.window import WindowSettings, final_window, horizon_window
 
 FIELD = one("paper:1")
 SETTINGS = WindowSettings()
 
 
-def window(final: bool, segments: int = 3) -> Problem:
-    make = final_problem if final else horizon_problem
-    problem = make(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, segments)
+def programme(
+    final: bool, segments: int = 3, window_settings: WindowSettings = SETTINGS
+) -> Problem:
+    make = final_window if final else horizon_window
+    problem = make(FIELD, depart(FIELD), PAPER_LIMITS, window_settings, segments).sampled()
     t = np.array([0.31, 0.77])
     segment, obstacle = np.array([0, segments - 1]), np.array([3, 41])
     return problem.joined_by(
@@ -36,15 +38,18 @@ def window(final: bool, segments: int = 3) -> Problem:
 
 def random_unknowns(problem: Problem, seed: int) -> np.ndarray:
     stream = np.random.default_rng(seed)
-    chain = random_chain(stream, depart(FIELD), problem.chain.segments, PAPER_LIMITS)
+    (chain,) = random_chains(stream, depart(FIELD), problem.chain.segments, PAPER_LIMITS, 1)
     return problem.chain.unknowns(chain + stream.normal(0.0, 1.0, chain.shape))
 
 
+@pytest.mark.parametrize("stiffness", [0.0, 0.01])
 @pytest.mark.parametrize("final", [False, True])
 @given(seed=st.integers(0, 2**32 - 1), segments=st.integers(1, 4))
 @settings(deadline=None, max_examples=40, derandomize=True)
-def test_analytic_gradients_agree_with_complex_step(final: bool, seed: int, segments: int) -> None:
-    problem = window(final, segments)
+def test_analytic_gradients_agree_with_complex_step(
+    final: bool, stiffness: float, seed: int, segments: int
+) -> None:
+    problem = programme(final, segments, WindowSettings(stiffness=stiffness))
     x = random_unknowns(problem, seed)
     by_step = ComplexStep(problem)
     for analytic, stepped in (
@@ -67,21 +72,21 @@ def test_complex_step_is_exact_where_differences_are_not() -> None:
 
 
 def test_a_held_goal_is_not_among_the_unknowns() -> None:
-    problem = final_problem(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3)
+    problem = final_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
     x = random_unknowns(problem, 0)
     assert x.shape == (10,)
     np.testing.assert_array_equal(problem.chain.control(x)[-1, 1], FIELD.goal)
 
 
 def test_unknowns_and_control_are_inverse() -> None:
-    problem = horizon_problem(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3)
+    problem = horizon_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
     x = random_unknowns(problem, 1)
     assert x.shape == (12,)
     np.testing.assert_array_equal(problem.chain.unknowns(problem.chain.control(x)), x)
 
 
 def test_the_solver_finds_the_same_minimum_with_either_gradient() -> None:
-    problem = horizon_problem(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3)
+    problem = horizon_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
     guess = problem.chain.unknowns(straight(depart(FIELD), 3, PAPER_LIMITS))
     analytic = Slsqp().solve(problem, guess)
     stepped = ByComplexStep(Slsqp()).solve(problem, guess)

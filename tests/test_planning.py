@@ -13,12 +13,12 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import derivative, evaluate
 from planners.catalog import PLANNERS, make
-from planners.exchange import AIM, broken_rows, solve_certified
+from planners.exchange import AIM, ByExchange, broken_rows
 from planners.interface import Plan, State, Status, depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
-from planners.starts import random_chain, shifted, straight
-from planners.window import WindowSettings, final_problem, horizon_problem
+from planners.starts import random_chains, shifted, straight
+from planners.window import WindowSettings, final_window, horizon_window
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 
@@ -177,12 +177,13 @@ def test_exchange_closes_what_samples_miss() -> None:
     # a disc so small that it hides between the paper's samples of a straight flight
     disc = Discs([[4.7, 4.7]], [0.08])
     field = Field(name="pin", obstacles=disc)
-    problem = horizon_problem(field, flight.depart(field), PAPER_LIMITS, WindowSettings(), 3)
-    guess = problem.chain.unknowns(straight(flight.depart(field), 3, PAPER_LIMITS))
-    sampled = problem.chain.control(Slsqp().solve(problem, guess).x)
+    window = horizon_window(field, flight.depart(field), PAPER_LIMITS, WindowSettings(), 3)
+    guess = straight(flight.depart(field), 3, PAPER_LIMITS)
+    problem = window.sampled()
+    sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
     assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
     assert not is_feasible(sampled, field).all()
-    certified = solve_certified(Slsqp(), problem, guess, field, PAPER_LIMITS)
+    (certified,) = ByExchange(Slsqp()).solve(window, [guess])
     assert certified.feasible
     assert certified.rounds > 1
     assert is_feasible(certified.control, field, tolerance=AIM).all()
@@ -221,7 +222,8 @@ def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
 def test_random_chains_keep_to_the_step_radii_and_join() -> None:
     vehicle = flight.depart(OPEN)
     stream = np.random.default_rng(0)
-    chains = np.array([random_chain(stream, vehicle, 3, PAPER_LIMITS) for _ in range(200)])
+    chains = random_chains(stream, vehicle, 3, PAPER_LIMITS, 200)
+    assert chains.shape == (200, 3, 4, 2)
     chords = np.linalg.norm(chains[:, :, 1] - chains[:, :, 0], axis=-1)
     assert chords.min() >= 3.0
     assert chords.max() <= 15.0
@@ -234,13 +236,99 @@ def test_random_chains_keep_to_the_step_radii_and_join() -> None:
 def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
     field = one("paper:1")
     vehicle = flight.depart(field)
-    near = horizon_problem(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
-    every = final_problem(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
+    every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
     assert 0 < within < 50
     guess = straight(vehicle, 3, PAPER_LIMITS)
     assert len(near.c(near.chain.unknowns(guess))) == 6 + 3 * 29 * within
     assert len(every.c(every.chain.unknowns(guess))) == 6 + 3 * 29 * 50
+
+
+@pytest.mark.parametrize("number", range(1, 5))
+def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
+    field = one(f"paper:{number}")
+    vehicle = flight.depart(field)
+    window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
+    problem, (low, high) = window.sampled(), window.box
+    unknowns = [window.chain.unknowns(chain) for chain in chains]
+    expected = [
+        bool(problem.c(x).min() >= 0.0 and (x >= low).all() and (x <= high).all()) for x in unknowns
+    ]
+    assert 0 < sum(expected) < 1000
+    np.testing.assert_array_equal(window.admits(chains), expected)
+
+
+def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
+    field = one("sparse/train:0")
+    state, planner = depart(field), RecedingHorizon(random_starts=4)
+    window = planner.window(field, state.vehicle)
+    batches = list(planner.starts(window, state, 7))
+    names = [[name for name, _ in batch] for batch in batches]
+    drawn = [f"random {k}" for k in range(1, 5)]
+    assert names == [["straight", *drawn], drawn, drawn]
+    np.testing.assert_array_equal(batches[0][0][1], straight(state.vehicle, 3, PAPER_LIMITS))
+    randoms = np.array([guess for batch in batches for name, guess in batch if name in drawn])
+    assert window.admits(randoms).all()
+    assert len({guess.tobytes() for guess in randoms}) == len(randoms)
+    again = [guess for batch in planner.starts(window, state, 7) for _, guess in batch]
+    np.testing.assert_array_equal(again[1:5], randoms[:4])
+    flown = State(
+        flight.State(field.start, field.departure, 1), straight(state.vehicle, 2, PAPER_LIMITS)
+    )
+    ((name, guess), *_), *_ = planner.starts(window, flown, 7)
+    assert name == "shifted"
+    np.testing.assert_array_equal(guess, shifted(flown.vehicle, flown.tail, 3))
+
+
+def test_without_random_starts_there_is_one() -> None:
+    state, planner = depart(OPEN), RecedingHorizon(random_starts=0)
+    batches = list(planner.starts(planner.window(OPEN, state.vehicle), state, 0))
+    assert [[name for name, _ in batch] for batch in batches] == [["straight"]]
+
+
+@pytest.mark.parametrize(
+    ("distance", "segments"), [(2.0, 1), (5.9, 1), (6.1, 2), (9.1, 3), (80, 3)]
+)
+def test_near_the_goal_fewer_segments_are_planned(distance: float, segments: int) -> None:
+    vehicle = flight.State(OPEN.goal - [0.0, distance], np.array([0.0, 5.0]))
+    assert RecedingHorizon().window(OPEN, vehicle).chain.segments == segments
+
+
+@pytest.mark.parametrize("number", range(1, 5))
+def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
+    field = one(f"paper:{number}")
+    hasty, patient = RecedingHorizon(deadline=1e-9), RecedingHorizon()
+    decision = hasty.decide(field, depart(field), 0)
+    assert decision.report.cut_short
+    if decision.chain is not None:
+        assert is_feasible(decision.chain, field, tolerance=AIM).all()
+        better = patient.decide(field, depart(field), 0).report
+        assert not better.cut_short
+        assert better.objective <= decision.report.objective
+    plan = hasty.plan(field, depart(field), 0)
+    assert is_feasible(plan.control, field).all()
+    assert all(d.report.cut_short or d.report.start == "planned" for d in plan.decisions)
+
+
+def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
+    vehicle = flight.depart(OPEN)
+    chain = straight(vehicle, 3, PAPER_LIMITS)
+    # the shifted plan ends in a segment without length: no start is feasible
+    state = State(flight.State(chain[0, 1], chain[0, 3], 1), chain[1:])
+    decision = RecedingHorizon(random_starts=0, deadline=1e-9).decide(OPEN, state, 0)
+    assert decision.report.start == "planned"
+    assert decision.report.cut_short
+    np.testing.assert_array_equal(decision.chain, chain[1:])
+
+
+def test_a_planner_takes_any_solver_of_windows() -> None:
+    planner = RecedingHorizon(random_starts=0, solver=ByExchange(Slsqp()))
+    field = one("sparse/train:0")
+    plan = planner.plan(field, depart(field), 0)
+    assert plan.success
+    assert_may_be_flown(plan, field)
 
 
 def test_an_unknown_planner_is_refused_by_name() -> None:

@@ -6,8 +6,10 @@ import pytest
 from agents.flights import Flight, fly
 from agents.policies import Replanning, Tracking, expert, make_policy
 from ferguson_gym.catalog import one, select
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
 from planners.catalog import PLANNERS, make
-from planners.interface import Plan, depart
+from planners.interface import Plan, Status, depart
 from planners.receding_horizon import RecedingHorizon
 
 
@@ -23,6 +25,15 @@ def test_flying_single_start_is_its_plan(field: str) -> None:
     for flown in select(field):
         plan = planner.plan(flown, depart(flown), 0)
         assert_same(fly(Replanning(planner), "single-start", flown, 0), plan)
+
+
+def test_flying_into_a_dead_end_is_its_plan() -> None:
+    # the start touches a disc and faces its centre: nothing leaves it
+    disc = Discs([[5.0, 0.0]], [5.0])
+    field = Field(name="head-on", obstacles=disc, start_derivative=np.array([5.0, 0.0]))
+    plan = make("single-start").plan(field, depart(field), 0)
+    assert plan.status is Status.STUCK
+    assert_same(fly(Replanning(make("single-start")), "single-start", field, 0), plan)
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
