@@ -127,6 +127,44 @@ def _parser() -> argparse.ArgumentParser:
         "--workers", type=_positive, default=1, metavar="N", help="worker processes; default: 1"
     )
     evaluate.set_defaults(prepare=_prepare_evaluate)
+
+    bench = commands.add_parser("bench", help="measure things side by side in one run")
+    subjects = bench.add_subparsers(dest="subject", required=True, metavar="SUBJECT")
+    planners = subjects.add_parser(
+        "planners",
+        help="compare solvers",
+        description=(
+            "Compare solvers on the same windows from the same starts; print the table and write "
+            "steps.csv and solvers.png."
+        ),
+        epilog="example: ferguson bench planners --solvers --windows 200 --out results/solvers",
+    )
+    planners.add_argument(
+        "--solvers",
+        action="store_true",
+        required=True,
+        help="ours, SciPy's SLSQP, and IPOPT through CasADi (pip install 'ferguson-gym[bench]')",
+    )
+    planners.add_argument(
+        "--fields",
+        default="standard/validation:0-99",
+        metavar="SPEC",
+        help="whose windows are taken, in order; default: %(default)s",
+    )
+    planners.add_argument(
+        "--windows", type=_positive, default=200, metavar="N", help="default: %(default)s"
+    )
+    planners.add_argument(
+        "--ipopt-every",
+        type=_seed,
+        default=10,
+        metavar="N",
+        help="IPOPT solves one window in N, it is slow; 0: none; default: %(default)s",
+    )
+    planners.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
+    )
+    planners.set_defaults(prepare=_prepare_bench_planners)
     return parser
 
 
@@ -194,15 +232,41 @@ def _prepare_evaluate(options: argparse.Namespace) -> Job:
         depart(field)
     _refuse_twice("policy", options.policy)
     _refuse_twice("field", [field.name for field in fields])
-    for place in (options.out, *options.out.parents):
-        if place.exists() and not place.is_dir():
-            raise ValueError(f"--out {options.out}: {place} is a file, not a directory")
+    _check_directory(options.out)
 
     def job() -> int:
         evaluation.evaluate(options.policy, fields, options.seeds, options.out, options.workers)
         return DONE
 
     return job
+
+
+def _prepare_bench_planners(options: argparse.Namespace) -> Job:
+    import importlib.util
+
+    from agents import solver_bench
+    from planners.catalog import multi_start
+
+    _check_directory(options.out)
+    if options.ipopt_every and importlib.util.find_spec("casadi") is None:
+        raise ValueError(
+            "IPOPT comes with CasADi: pip install 'ferguson-gym[bench]', or leave it out with "
+            "--ipopt-every 0"
+        )
+    fields = select(options.fields)
+
+    def job() -> int:
+        tasks = solver_bench.take_windows(multi_start(), fields, options.windows)
+        solver_bench.bench(tasks, options.ipopt_every, options.out)
+        return DONE
+
+    return job
+
+
+def _check_directory(out: Path) -> None:
+    for place in (out, *out.parents):
+        if place.exists() and not place.is_dir():
+            raise ValueError(f"--out {out}: {place} is a file, not a directory")
 
 
 def _refuse_twice(what: str, names: Sequence[str]) -> None:

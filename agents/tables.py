@@ -23,7 +23,8 @@ def console() -> Console:
     return standard if standard.is_terminal else Console(highlight=False, width=120)
 
 
-def _table(title: str, *columns: str, caption: str | None = None) -> Table:
+def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
+    """A table without rows in the look of all; its first column holds words, the rest numbers."""
     table = Table(
         title=title,
         caption=caption,
@@ -46,7 +47,7 @@ def _median(values: Sequence[float | None], digits: int, scale: float = 1.0) -> 
 
 def summary(flights: Sequence[Flight]) -> Table:
     """A row for each policy; length, gap and segments are medians over its successes."""
-    table = _table(
+    table = empty_table(
         "Evaluation",
         "policy",
         "flights",
@@ -80,7 +81,7 @@ def paper_table(flights: Sequence[Flight]) -> Table | None:
     known = [flight for flight in flights if flight.exact_length is not None]
     if not known:
         return None
-    table = _table(
+    table = empty_table(
         "The paper's fields (reconstructed), in brackets its Table I",
         "planner, field",
         "flown",
@@ -117,7 +118,7 @@ def _printed(value: float | None, digits: int) -> str:
 
 def windows(decisions: Sequence[Decision]) -> Table:
     """How each window of a plan came about."""
-    table = _table(
+    table = empty_table(
         "Windows",
         "step",
         "start kept",
