@@ -6,6 +6,7 @@ flies multi-start through the four fields with policy seeds 0 to SEEDS - 1 (3 by
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,32 +23,36 @@ from ferguson_gym.fields import START_SPEED, Field
 from ferguson_gym.flight import State
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.paper import TABLE_I
+from planners.exchange import ByExchange
 from planners.interface import Plan, depart
+from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
-from planners.starts import random_chain
+from planners.sqp import ElasticSqp
+from planners.starts import random_chains
+from planners.window import WindowSettings
 
 
 def along_the_next_step(
-    stream: np.random.Generator, state: State, segments: int, limits: Limits
+    stream: np.random.Generator, state: State, segments: int, limits: Limits, count: int
 ) -> Array:
     """Random guesses whose derivative at a point is the step that follows it."""
-    chain = random_chain(stream, state, segments, limits)
-    steps = chain[:, 1] - chain[:, 0]
-    chain[:-1, 3] = chain[1:, 2] = steps[1:]
-    return chain
+    chains = random_chains(stream, state, segments, limits, count)
+    steps = chains[:, :, 1] - chains[:, :, 0]
+    chains[:, :-1, 3] = chains[:, 1:, 2] = steps[:, 1:]
+    return chains
 
 
 def in_a_random_direction(
-    stream: np.random.Generator, state: State, segments: int, limits: Limits
+    stream: np.random.Generator, state: State, segments: int, limits: Limits, count: int
 ) -> Array:
     """Random guesses whose derivatives have random directions and lengths of 3 to 15 m."""
-    chain = random_chain(stream, state, segments, limits)
-    angle = stream.uniform(-np.pi, np.pi, segments)
-    size = stream.uniform(limits.shortest, limits.longest, segments)
-    slopes = size[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
-    chain[:, 3], chain[1:, 2] = slopes, slopes[:-1]
-    return chain
+    chains = random_chains(stream, state, segments, limits, count)
+    angle = stream.uniform(-np.pi, np.pi, (count, segments))
+    size = stream.uniform(limits.shortest, limits.longest, (count, segments))
+    slopes = size[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    chains[:, :, 3], chains[:, 1:, 2] = slopes, slopes[:, :-1]
+    return chains
 
 
 def leaving_with(speed: float, field: Field) -> Field:
@@ -69,8 +74,21 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
     "start derivative 12 m": (RecedingHorizon(), partial(leaving_with, 12.0)),
     "guesses: along next step": (RecedingHorizon(random_guess=along_the_next_step), unchanged),
     "guesses: random tangents": (RecedingHorizon(random_guess=in_a_random_direction), unchanged),
-    "solver precision 1e-4": (RecedingHorizon(solver=Slsqp(precision=1e-4)), unchanged),
-    "solver precision 1e-8": (RecedingHorizon(solver=Slsqp(precision=1e-8)), unchanged),
+    "precision 1e-3": (
+        RecedingHorizon(solver=MultiStart(search=ElasticSqp(precision=1e-3))),
+        unchanged,
+    ),
+    "precision 1e-7": (
+        RecedingHorizon(solver=MultiStart(search=ElasticSqp(precision=1e-7))),
+        unchanged,
+    ),
+    "no start given up": (
+        RecedingHorizon(solver=MultiStart(search=ElasticSqp(patience=math.inf))),
+        unchanged,
+    ),
+    "no sidestep": (RecedingHorizon(solver=MultiStart(sidestep=0.0)), unchanged),
+    "bending 1e-5": (RecedingHorizon(settings=WindowSettings(stiffness=1e-5)), unchanged),
+    "SLSQP": (RecedingHorizon(solver=ByExchange(Slsqp())), unchanged),
 }
 
 

@@ -19,7 +19,7 @@ from planners.interface import depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
 from planners.starts import shifted
-from planners.window import WindowSettings, horizon_problem
+from planners.window import WindowSettings, horizon_window
 
 
 def main(seeds: int) -> None:
@@ -31,7 +31,8 @@ def main(seeds: int) -> None:
             for state in plan.states:
                 if not 1 <= len(state.tail) <= 2 or (state.tail[-1, 1] == field.goal).all():
                     continue
-                problem = horizon_problem(field, state.vehicle, PAPER_LIMITS, WindowSettings(), 3)
+                window = horizon_window(field, state.vehicle, PAPER_LIMITS, WindowSettings(), 3)
+                problem = window.sampled()
                 guess = problem.chain.unknowns(shifted(state.vehicle, state.tail, 3))
                 solution = Slsqp().solve(problem, guess)
                 if problem.c(solution.x).min() < -1e-6:

@@ -1,0 +1,135 @@
+"""Solvers of small dense quadratic programmes on those that our solver poses.
+
+Run it from a checkout: `.venv/bin/python benchmarks/quadratic_programmes.py [WINDOWS]`, after
+`pip install quadprog piqp proxsuite`; those that are missing are left out. Programmes are taken
+from windows of flights through standard/train:100 and on. Only programmes whose rows are
+compatible are timed, since only DAQP has rows that may be broken at a price.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+from unittest.mock import patch
+
+import daqp
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from agents.solver_bench import take_windows
+from ferguson_gym.arrays import Array
+from ferguson_gym.catalog import select
+from planners.multi_start import MultiStart
+from planners.receding_horizon import RecedingHorizon
+
+Programme = tuple[Array, Array, Array, Array, Array]
+"""Hessian (m, m), gradient (m,), slopes (rows, m), upper and lower (m + rows,)."""
+
+
+def by_daqp(hessian: Array, gradient: Array, slopes: Array, upper: Array, lower: Array) -> Array:
+    """DAQP, rows hard."""
+    sense = np.zeros(len(upper), np.int32)
+    return np.asarray(daqp.solve(hessian, gradient, slopes, upper, lower, sense)[0])
+
+
+def by_quadprog(
+    hessian: Array, gradient: Array, slopes: Array, upper: Array, lower: Array
+) -> Array:
+    """Goldfarb & Idnani's dual active-set method."""
+    quadprog: Any = importlib.import_module("quadprog")
+    rows = np.vstack([np.eye(len(gradient)), slopes])
+    high = upper < 1e20
+    normals = np.vstack([rows, -rows[high]]).T
+    return np.asarray(
+        quadprog.solve_qp(hessian, -gradient, normals, np.concatenate([lower, -upper[high]]))[0]
+    )
+
+
+def by_piqp(hessian: Array, gradient: Array, slopes: Array, upper: Array, lower: Array) -> Array:
+    """A proximal interior-point method."""
+    piqp: Any = importlib.import_module("piqp")
+    m, solver = len(gradient), piqp.DenseSolver()
+    solver.setup(hessian, gradient, None, None, slopes, lower[m:], upper[m:], lower[:m], upper[:m])
+    solver.solve()
+    return np.asarray(solver.result.x)
+
+
+def by_proxqp(hessian: Array, gradient: Array, slopes: Array, upper: Array, lower: Array) -> Array:
+    """A proximal augmented Lagrangian method."""
+    proxsuite: Any = importlib.import_module("proxsuite")
+    m = len(gradient)
+    solver = proxsuite.proxqp.dense.QP(m, 0, len(slopes), True)
+    solver.settings.eps_abs = 1e-9
+    solver.init(hessian, gradient, None, None, slopes, lower[m:], upper[m:], lower[:m], upper[:m])
+    solver.solve()
+    return np.asarray(solver.results.x)
+
+
+SOLVERS: dict[str, Callable[..., Array]] = {
+    "DAQP": by_daqp,
+    "quadprog": by_quadprog,
+    "PIQP": by_piqp,
+    "ProxQP": by_proxqp,
+}
+
+
+def take_programmes(windows: int) -> list[Programme]:
+    """Every seventh programme that is posed in some windows, if its rows are compatible."""
+    posed: list[Programme] = []
+
+    def listen(*programme: Any, **options: Any) -> Any:
+        hessian, gradient, slopes, upper, lower, sense = (part.copy() for part in programme)
+        if daqp.solve(hessian, gradient, slopes, upper, lower, np.zeros_like(sense))[2] == 1:
+            posed.append((hessian, gradient, slopes, upper, lower))
+        return daqp.solve(*programme, **options)
+
+    tasks = take_windows(RecedingHorizon(), select("standard/train:100-199"), windows)
+    with patch("planners.quadratic.daqp") as listener:
+        listener.solve.side_effect = listen
+        for task in tasks:
+            MultiStart().solve(task.window, task.guesses)
+    return posed[::7]
+
+
+def main(windows: int) -> None:
+    """Time every solver on every programme and print a row for each solver."""
+    programmes = take_programmes(windows)
+    values = np.array([_value(p, by_daqp(*p)) for p in programmes])
+    rows = np.median([len(p[2]) for p in programmes])
+    table = Table(
+        title=f"{len(programmes)} programmes of {len(programmes[0][1])} unknowns, {rows:.0f} rows "
+        "in the median"
+    )
+    for column in ("solver", "median [us]", "95 % [us]", "same value"):
+        table.add_column(column, justify="left" if column == "solver" else "right")
+    for name, solver in SOLVERS.items():
+        try:
+            solver(*programmes[0])
+        except ImportError:
+            table.add_row(name, "not installed", "", "")
+            continue
+        took, same = [], 0
+        for programme, value in zip(programmes, values, strict=True):
+            began = time.perf_counter()
+            try:
+                x = solver(*programme)
+            except ValueError:  # quadprog, on what it takes for incompatible
+                x = np.full(len(programme[1]), np.nan)
+            took.append(1e6 * (time.perf_counter() - began))
+            same += abs(_value(programme, x) - value) <= 1e-6 * max(1.0, abs(value))
+        middle, high = np.percentile(took, [50, 95])
+        share = f"{100 * same / len(programmes):.1f} %"
+        table.add_row(name, f"{middle:.0f}", f"{high:.0f}", share)
+    Console(width=100).print(table)
+
+
+def _value(programme: Programme, x: Array) -> float:
+    return float(x @ (0.5 * programme[0] @ x + programme[1]))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 50)
