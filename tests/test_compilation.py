@@ -1,51 +1,47 @@
-"""Compiled functions keep to their own file, since Numba's cache watches no other."""
+"""Cached machine code is tied to all source files with kernels, since kernels call each other."""
 
-import ast
+import shutil
 from pathlib import Path
 
 import pytest
 
-PACKAGES = ("ferguson_gym", "planners", "agents")
+from ferguson_gym import bernstein
+from ferguson_gym.compilation import PACKAGES, digest
+
 ROOT = Path(__file__).parent.parent
-TREES = {
-    f"{package}.{path.stem}": ast.parse(path.read_text())
-    for package in PACKAGES
-    for path in (ROOT / package).glob("*.py")
-}
 
 
-def compiled_functions(tree: ast.Module) -> list[ast.FunctionDef]:
-    return [
-        node
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef)
-        and any(
-            isinstance(mark, ast.Name) and mark.id == "compiled" for mark in node.decorator_list
-        )
-    ]
+@pytest.fixture
+def copy(tmp_path: Path) -> Path:
+    for package in PACKAGES:
+        (tmp_path / package).mkdir()
+        for path in (ROOT / package).glob("*.py"):
+            shutil.copy(path, tmp_path / package)
+    return tmp_path
 
 
-WITH_KERNELS = [name for name, tree in TREES.items() if compiled_functions(tree)]
+def test_every_file_with_kernels_is_watched_and_no_other(copy: Path) -> None:
+    before = digest(copy)
+    for package in PACKAGES:
+        for path in (copy / package).glob("*.py"):
+            source = path.read_text()
+            path.write_text(f"{source}\n# a change\n")
+            kernels = "@compiled" in source
+            assert (digest(copy) != before) or not kernels, path.name
+            if "compiled" not in source:
+                assert digest(copy) == before, path.name
+            path.write_text(source)
+    assert digest(copy) == before
 
 
-def test_there_are_compiled_functions() -> None:
-    assert "ferguson_gym.bernstein" in WITH_KERNELS
-
-
-@pytest.mark.parametrize("module", WITH_KERNELS)
-def test_compiled_functions_use_nothing_imported_from_the_project(module: str) -> None:
-    tree = TREES[module]
-    imported = {
-        alias.asname or alias.name
-        for node in tree.body
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(PACKAGES)
-        for alias in node.names
+def test_packages_are_those_with_kernels() -> None:
+    having = {
+        path.parent.name
+        for path in ROOT.glob("*/*.py")
+        if "@compiled" in path.read_text() and path.parent.name != "tests"
     }
-    for function in compiled_functions(tree):
-        names = {
-            node.id
-            for body in function.body
-            for node in ast.walk(body)
-            if isinstance(node, ast.Name)
-        }
-        assert not names & imported, function.name
+    assert having == set(PACKAGES)
+
+
+def test_machine_code_is_cached_under_the_digest() -> None:
+    assert digest(ROOT) in bernstein.clearance.__qualname__

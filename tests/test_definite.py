@@ -24,7 +24,7 @@ def symmetric(stream: np.random.Generator, eigenvalues: np.ndarray) -> np.ndarra
 
 
 def assert_sane(matrix: np.ndarray, floor: float = FLOOR) -> None:
-    """Positive definite, symmetric, and larger than the matrix by a modest factor at most."""
+    """Positive definite, symmetric, at least the matrix, and not much larger."""
     kept = matrix.copy()
     out = definite(matrix, floor)
     np.testing.assert_array_equal(matrix, kept)
@@ -35,6 +35,8 @@ def assert_sane(matrix: np.ndarray, floor: float = FLOOR) -> None:
     largest, least = np.linalg.eigvalsh(out)[[-1, 0]]
     assert largest <= 50.0 * (size + floor)
     assert least > 0.0
+    # eigenvalues of the factorisation are only raised
+    assert np.linalg.eigvalsh(out - matrix)[0] >= -1e-9 * (size + floor)
 
 
 @pytest.mark.parametrize("n", SIZES)
@@ -66,6 +68,16 @@ def test_matrices_of_few_values_become_definite(
 ) -> None:
     lower = np.tril(np.random.default_rng(seed).choice(sizes, (n, n)))
     assert_sane(lower + np.tril(lower, -1).T)
+
+
+@pytest.mark.parametrize("negative", range(5))
+def test_only_as_many_directions_change_as_were_negative(negative: int) -> None:
+    stream = np.random.default_rng(negative)
+    for _ in range(50):
+        signs = np.where(np.arange(12) < negative, -1.0, 1.0)
+        matrix = symmetric(stream, signs * stream.uniform(1.0, 10.0, 12))
+        changed = np.linalg.eigvalsh(definite(matrix, 1e-9) - matrix)
+        assert (changed > 1e-8).sum() == negative
 
 
 @pytest.mark.parametrize("n", SIZES)

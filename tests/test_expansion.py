@@ -179,6 +179,9 @@ def test_every_contact_is_as_clear_as_it_says_and_within_reach(
     assert (contact["clearance"] < REACH).all()
     assert ((contact["t"] >= 0.0) & (contact["t"] <= 1.0)).all()
     np.testing.assert_allclose(np.linalg.norm(contact["normal"], axis=1), 1.0, rtol=1e-12)
+    held = contact[(contact["what"] >= 0) & (contact["drift"] == 0.0)]
+    last = (held["segment"] == len(here.out.length) - 1) & (held["t"] == 1.0)
+    assert (last | (held["clearance"] < NEAR)).all()
 
 
 @given(windows)
@@ -212,9 +215,12 @@ def test_no_nearest_point_within_reach_is_missed(seed: int, segments: int) -> No
         nearest = sampled[:, disc].argmin()
         if nearest > behind and sampled[nearest, disc] < REACH:
             assert near[disc] <= sampled[nearest, disc] + 1e-9
-    speed = np.linalg.norm(derivative(control, t), axis=-1).ravel()
-    if speed.argmin() > behind and speed.min() - PAPER_LIMITS.slowest < REACH:
-        assert near[SPEED] <= speed.min() - PAPER_LIMITS.slowest + 1e-9
+    contact, speed = here.contact, np.linalg.norm(derivative(control, t), axis=-1)
+    for segment, slowest in enumerate(speed.argmin(axis=1)):
+        room = speed[segment, slowest] - PAPER_LIMITS.slowest
+        if room < REACH and (slowest > behind or segment > slowest == 0):
+            same = (contact["what"] == SPEED) & (contact["segment"] == segment)
+            assert contact["clearance"][same].min() <= room + 1e-9
     # ends of segments are the business of the box
     for side, room in ((LOW, points - field.bounds[0]), (HIGH, field.bounds[1] - points)):
         for d in range(2):

@@ -282,6 +282,22 @@ def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
     np.testing.assert_array_equal(guess, shifted(flown.vehicle, flown.tail, 3))
 
 
+def test_where_starts_lead_to_nothing_more_are_drawn() -> None:
+    counts = []
+
+    def drawn(stream: np.random.Generator, *sizes: object) -> np.ndarray:
+        counts.append(sizes[-1])
+        return random_chains(stream, *sizes)
+
+    planner = RecedingHorizon(random_starts=3, draws=2, random_guess=drawn)
+    state = depart(OPEN)
+    batches = planner.starts(planner.window(OPEN, state.vehicle), state, 0)
+    assert next(batches)
+    assert counts == [6]
+    assert len([*batches]) == 2
+    assert counts == [6, 60, 600]
+
+
 def test_without_random_starts_there_is_one() -> None:
     state, planner = depart(OPEN), RecedingHorizon(random_starts=0)
     batches = list(planner.starts(planner.window(OPEN, state.vehicle), state, 0))
