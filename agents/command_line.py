@@ -23,6 +23,8 @@ from planners.catalog import PLANNERS
 
 DONE, NO_PATH, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
+_BENCH = "standard/validation:0-99"
+
 Job = Callable[[], int]
 """Work whose input was checked; returns the exit status."""
 
@@ -147,9 +149,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     planners.add_argument(
         "--fields",
-        default="standard/validation:0-99",
+        action="append",
         metavar="SPEC",
-        help="whose windows are taken, in order; default: %(default)s",
+        help=f"whose windows are taken, in order; may be given several times; default: {_BENCH}",
     )
     planners.add_argument(
         "--windows", type=_positive, default=200, metavar="N", help="default: %(default)s"
@@ -253,10 +255,10 @@ def _prepare_bench_planners(options: argparse.Namespace) -> Job:
             "IPOPT comes with CasADi: pip install 'ferguson-gym[bench]', or leave it out with "
             "--ipopt-every 0"
         )
-    fields = select(options.fields)
+    fields = (field for spec in options.fields or [_BENCH] for field in select(spec))
+    tasks = solver_bench.take_windows(multi_start(), fields, options.windows)
 
     def job() -> int:
-        tasks = solver_bench.take_windows(multi_start(), fields, options.windows)
         solver_bench.bench(tasks, options.ipopt_every, options.out)
         return DONE
 

@@ -1,18 +1,40 @@
 """Numba's compiler behind a typed decorator, so that strict type checks see through it.
 
-Numba's cache watches the file of the function it holds, and no other: a compiled function may
-call only compiled functions of its own file, or a change elsewhere would not reach it. A test
-holds this.
+Numba caches machine code beside the module and watches the file of the function it holds, no
+other; yet kernels call kernels of other files. Each is therefore cached under a name that
+carries a digest of all source files with kernels: whatever changes, nothing stale is run.
 """
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import TypeVar, cast
 
 import numba
 
 F = TypeVar("F", bound=Callable[..., object])
+
+PACKAGES = ("ferguson_gym", "planners")
+"""Packages with compiled functions."""
+
+
+def digest(root: Path) -> str:
+    """Short digest of the source files with compiled functions below a directory."""
+    state = hashlib.sha256()
+    for package in PACKAGES:
+        for path in sorted((root / package).glob("*.py")):
+            if b"compiled" in (source := path.read_bytes()):
+                state.update(path.name.encode())
+                state.update(source)
+    return state.hexdigest()[:12]
+
+
+@cache
+def _digest() -> str:
+    return digest(Path(__file__).parent.parent)
 
 
 def compiled(function: F) -> F:
@@ -21,4 +43,5 @@ def compiled(function: F) -> F:
     Arithmetic is IEEE (no fast-math: certificates depend on it) and a division by
     zero gives an infinity or NaN instead of an exception.
     """
+    function.__qualname__ = f"{function.__qualname__}-{_digest()}"
     return cast(F, numba.njit(cache=True, error_model="numpy")(function))

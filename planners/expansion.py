@@ -242,7 +242,7 @@ class _Curve(NamedTuple):
     """(4, 2) coefficients of 1, t, t^2, t^3."""
     spread: Array
     """(2,) radius of a disc around the middle that holds the curve, and how far the curve
-    may stray from the points looked at."""
+    strays from the points looked at; for a wild curve guesses, and certification decides."""
 
 
 @compiled
@@ -519,6 +519,12 @@ def expand(
                 count = _add_around(
                     out, count, place, k, disc, (cx, cy), radius, reach, least, ends, curve
                 )
+            for row in range(len(layout.held)):
+                if int(layout.held[row, 0]) == k and int(layout.held[row, 1]) == disc:
+                    t = layout.held[row, 2]
+                    count = _add(
+                        out, count, place, k, disc, t, False, (cx, cy), radius, reach, curve.powers
+                    )
         _trace(control, 1, (0.0, 0.0), curve)
         least = _approach(points, slopes, 0.0, 0.0, rise)
         if least < (layout.slowest + reach + spread[1]) ** 2:
@@ -526,15 +532,4 @@ def expand(
                 out, count, place, k, SPEED, (0.0, 0.0), layout.slowest, reach, least, True, curve
             )
         count = _add_coordinates(out, count, place, k, layout.bounds, reach)
-        _powers(control, 0, curve.powers)
-        for row in range(len(layout.held)):
-            if int(layout.held[row, 0]) == k:
-                disc, t = int(layout.held[row, 1]), layout.held[row, 2]
-                center, radius = (
-                    (layout.centers[disc, 0], layout.centers[disc, 1]),
-                    layout.radii[disc],
-                )
-                count = _add(
-                    out, count, place, k, disc, t, False, center, radius, reach, curve.powers
-                )
     return count, _violation(out, count, layout.limits), total, layout.stiffness * bent

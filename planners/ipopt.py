@@ -41,7 +41,7 @@ _DISCS = 16
 """Constructions serve numbers of discs up to the next multiple of this."""
 _ROWS = 64
 """Joined rows that a construction has room for; the latest are kept."""
-_FAR = 1e4
+_FAR = 1e3
 """Where discs and rows stand that only fill the room [m]."""
 
 
@@ -123,7 +123,7 @@ def _construct(size: _Size) -> Callable[..., dict[str, Any]]:
                 "ipopt.print_level": 0,
                 "ipopt.sb": "yes",
                 "print_time": False,
-                "ipopt.max_iter": 100,
+                "ipopt.max_iter": 300,
                 "ipopt.constr_viol_tol": 1e-7,
                 "ipopt.tol": 1e-6,
             },

@@ -244,10 +244,9 @@ class Search:
         Raises:
             ValueError: a guess that is not finite.
         """
-        x = np.clip(self.window.chain.unknowns(guess), *self.box)
-        if not np.isfinite(x).all():
+        if not np.isfinite(guess).all():
             raise ValueError(f"a guess must be finite, got {guess}")
-        trail = Trail(x, self.fresh)
+        trail = Trail(np.clip(self.window.chain.unknowns(guess), *self.box), self.fresh)
         self.go_on(trail, bound)
         return trail
 
