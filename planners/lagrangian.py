@@ -6,7 +6,8 @@ import numpy as np
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
-from planners.expansion import Expansion, Integers, Layout
+from planners.contacts import Integers
+from planners.expansion import Expansion, Layout
 
 
 @compiled

@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
-from planners.expansion import Expansion, Integers
+from planners.contacts import Integers
+from planners.expansion import Expansion
 
 _REACH = 2.5
 """A step of one metre in every point, three in every derivative, moves no point of a curve

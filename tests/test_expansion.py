@@ -15,17 +15,8 @@ from ferguson_gym.flight import State
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import derivative, evaluate
-from planners.expansion import (
-    BENDING,
-    HIGH,
-    LOW,
-    NEAR,
-    SPEED,
-    Expansion,
-    Layout,
-    empty_expansion,
-    expand,
-)
+from planners.contacts import HIGH, LOW, NEAR, SPEED
+from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
 from planners.lagrangian import lagrangian
 from planners.quadrature import bending, lengths
 from planners.sqp import _layout
