@@ -86,7 +86,7 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
         RecedingHorizon(solver=MultiStart(search=ElasticSqp(patience=math.inf))),
         unchanged,
     ),
-    "no sidestep": (RecedingHorizon(solver=MultiStart(sidestep=0.0)), unchanged),
+    "no sidestep": (RecedingHorizon(solver=MultiStart(sidesteps=())), unchanged),
     "bending 1e-5": (RecedingHorizon(settings=WindowSettings(stiffness=1e-5)), unchanged),
     "SLSQP": (RecedingHorizon(solver=ByExchange(Slsqp())), unchanged),
 }
