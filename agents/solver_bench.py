@@ -230,9 +230,9 @@ def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
             seconds = 1e3 * np.sort([r.seconds for r in results if r.solver == name])
             share = 100.0 * np.arange(1, len(seconds) + 1) / len(seconds)
             label = f"{name} ({len(seconds)} windows)"
-            left.step(seconds, share, where="post", color=_COLOURS[name], label=label)
+            left.step(seconds, share, where="post", color=_COLOURS[name])
             part = np.sort(np.clip(excesses, 1e-6, None))
-            right.step(part, share, where="post", color=_COLOURS[name])
+            right.step(part, share, where="post", color=_COLOURS[name], label=label)
         left.set(xscale="log", xlabel="multi-start step [ms]", ylabel="windows [%]", ylim=(0, 101))
         right.set(
             xscale="log",
@@ -241,6 +241,6 @@ def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
             ylim=(0, 101),
         )
         right.axvline(NO_WORSE, color=drawing.OBSTACLE_EDGE, lw=0.8, ls=":")
-        left.legend(loc="lower right", frameon=False, fontsize=7)
+        right.legend(loc="lower right", frameon=False, fontsize=7)
         with written_whole(path) as temporary:
             figure.savefig(temporary)
