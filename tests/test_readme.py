@@ -28,7 +28,7 @@ def commands() -> list[list[str]]:
 
 
 def is_long(command: list[str]) -> bool:
-    return "0-29" in command
+    return "0-29" in command or "200" in command
 
 
 @pytest.mark.parametrize(
