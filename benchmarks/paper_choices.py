@@ -23,11 +23,9 @@ from ferguson_gym.fields import START_SPEED, Field
 from ferguson_gym.flight import State
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.paper import TABLE_I
-from planners.exchange import ByExchange
 from planners.interface import Plan, depart
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
 from planners.sqp import ElasticSqp
 from planners.starts import random_chains
 from planners.window import WindowSettings
@@ -88,7 +86,6 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
     ),
     "no sidestep": (RecedingHorizon(solver=MultiStart(sidesteps=())), unchanged),
     "bending 1e-5": (RecedingHorizon(settings=WindowSettings(stiffness=1e-5)), unchanged),
-    "SLSQP": (RecedingHorizon(solver=ByExchange(Slsqp())), unchanged),
 }
 
 
