@@ -113,6 +113,26 @@ def _powers(control: Array, order: int, powers: Array) -> None:
             powers[3, d] = 0.0
 
 
+class Piece(NamedTuple):
+    """A segment of a chain."""
+
+    k: int
+    control: Array
+    """(4, 2)."""
+    place: Integers
+    """(8,) place of each of its numbers among the unknowns, -1 where it is held."""
+
+
+class Thing(NamedTuple):
+    """What a segment must keep away from: a disc, or for its derivative that of least speed."""
+
+    what: int
+    """Which disc, or SPEED."""
+    x: float
+    y: float
+    radius: float
+
+
 class Curve(NamedTuple):
     """A segment or its derivative, at the parameters that are looked at."""
 
@@ -166,8 +186,7 @@ def _record(
     records: Records,
     gradients: Array,
     count: int,
-    place: Integers,
-    k: int,
+    piece: Piece,
     what: int,
     t: float,
     clearance: float,
@@ -176,8 +195,8 @@ def _record(
 ) -> None:
     """Write down a contact whose t is held; `gradients` (room, m) is filled too."""
     weights = _weights(t, 1 if what == SPEED else 0)
-    contact, slope = records[count], gradients[count]
-    contact.clearance, contact.segment, contact.what, contact.t = clearance, k, what, t
+    contact, slope, place = records[count], gradients[count], piece.place
+    contact.clearance, contact.segment, contact.what, contact.t = clearance, piece.k, what, t
     contact.normal[0], contact.normal[1] = normal
     contact.inverse, contact.drift = inverse, 0.0
     slope[:] = 0.0
@@ -194,14 +213,10 @@ def add(
     records: Records,
     gradients: Array,
     count: int,
-    control: Array,
-    place: Integers,
-    k: int,
-    what: int,
+    piece: Piece,
+    thing: Thing,
     t: float,
     moving: bool,
-    center: tuple[float, float],
-    radius: float,
     reach: float,
     powers: Array,
 ) -> int:
@@ -210,22 +225,23 @@ def add(
         return count
     a1, a2, a3 = powers[1, 0], powers[2, 0], powers[3, 0]
     b1, b2, b3 = powers[1, 1], powers[2, 1], powers[3, 1]
-    x = powers[0, 0] - center[0] + t * (a1 + t * (a2 + t * a3))
-    y = powers[0, 1] - center[1] + t * (b1 + t * (b2 + t * b3))
+    x = powers[0, 0] - thing.x + t * (a1 + t * (a2 + t * a3))
+    y = powers[0, 1] - thing.y + t * (b1 + t * (b2 + t * b3))
     norm = np.sqrt(x * x + y * y)
-    if norm - radius >= reach:
+    if norm - thing.radius >= reach:
         return count
     size = norm
     if norm < _NOWHERE:
         # any direction will do: across the chord for a disc, along it for the speed
+        control = piece.control
         x, y = control[1, 0] - control[0, 0], control[1, 1] - control[0, 1]
-        if what >= 0:
+        if thing.what >= 0:
             x, y = -y, x
         if x == 0.0 and y == 0.0:
             x = 1.0
         size = np.sqrt(x * x + y * y)
     nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _NOWHERE)
-    _record(records, gradients, count, place, k, what, t, norm - radius, (nx, ny), inverse)
+    _record(records, gradients, count, piece, thing.what, t, norm - thing.radius, (nx, ny), inverse)
     if moving:
         vx, vy = a1 + t * (2.0 * a2 + 3.0 * t * a3), b1 + t * (2.0 * b2 + 3.0 * t * b3)
         along = vx * nx + vy * ny
@@ -235,8 +251,8 @@ def add(
             contact = records[count]
             contact.drift = 1.0 / turn
             wx, wy = (vx - along * nx) * inverse, (vy - along * ny) * inverse
-            weights = _weights(t, 1 if what == SPEED else 0)
-            slopes = _weights(t, 2 if what == SPEED else 1)
+            weights = _weights(t, 1 if thing.what == SPEED else 0)
+            slopes = _weights(t, 2 if thing.what == SPEED else 1)
             for a in range(4):
                 contact.mixed[2 * a] = slopes[a] * nx + weights[a] * wx
                 contact.mixed[2 * a + 1] = slopes[a] * ny + weights[a] * wy
@@ -248,13 +264,12 @@ def add_coordinates(
     records: Records,
     gradients: Array,
     count: int,
-    control: Array,
-    place: Integers,
-    k: int,
+    piece: Piece,
     bounds: Array,
     reach: float,
 ) -> int:
     """Add the contacts of a segment's extreme coordinates with the bounds."""
+    control = piece.control
     for d in range(2):
         p0, p3 = control[0, d], control[1, d]
         p1, p2 = p0 + control[2, d] / 3.0, p3 - control[3, d] / 3.0
@@ -283,7 +298,7 @@ def add_coordinates(
                     continue
                 normal = (sign, 0.0) if d == 0 else (0.0, sign)
                 what = (LOW if side == 0 else HIGH) - d
-                _record(records, gradients, count, place, k, what, t, clearance, normal, 0.0)
+                _record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
                 contact = records[count]
                 contact.drift = 1.0 / turn
                 slopes = _weights(t, 1)
@@ -299,91 +314,29 @@ def add_around(
     records: Records,
     gradients: Array,
     count: int,
-    control: Array,
-    place: Integers,
-    k: int,
-    what: int,
-    center: tuple[float, float],
-    radius: float,
+    piece: Piece,
+    thing: Thing,
     reach: float,
     least: float,
     ends: bool,
     curve: Curve,
 ) -> int:
-    """Add a segment's contacts with a disc, or its derivative's with that of least speed.
-
-    `least` is what `approach` found.
-    """
-    points, rise = curve.points, curve.rise
+    """Add a segment's contacts with a thing; `least` is what `approach` found."""
+    points, rise, powers = curve.points, curve.rise, curve.powers
     last = len(rise) - 1
     for i in range(1, last + 1):
         if rise[i - 1] < 0.0 <= rise[i]:
-            t = _refine(curve.powers, center[0], center[1], _T[i - 1], _T[i])
-            count = add(
-                records,
-                gradients,
-                count,
-                control,
-                place,
-                k,
-                what,
-                t,
-                True,
-                center,
-                radius,
-                reach,
-                curve.powers,
-            )
+            t = _refine(powers, thing.x, thing.y, _T[i - 1], _T[i])
+            count = add(records, gradients, count, piece, thing, t, True, reach, powers)
     # the chain's start is held: nothing can be done about it
-    if what == SPEED and k > 0 and rise[0] >= 0.0:
-        count = add(
-            records,
-            gradients,
-            count,
-            control,
-            place,
-            k,
-            what,
-            0.0,
-            False,
-            center,
-            radius,
-            reach,
-            curve.powers,
-        )
+    if thing.what == SPEED and piece.k > 0 and rise[0] >= 0.0:
+        count = add(records, gradients, count, piece, thing, 0.0, False, reach, powers)
     if ends and rise[last] <= 0.0:
-        count = add(
-            records,
-            gradients,
-            count,
-            control,
-            place,
-            k,
-            what,
-            1.0,
-            False,
-            center,
-            radius,
-            reach,
-            curve.powers,
-        )
-    if what >= 0 and least < (radius + NEAR) ** 2:
+        count = add(records, gradients, count, piece, thing, 1.0, False, reach, powers)
+    near = (thing.radius + NEAR) ** 2
+    if thing.what >= 0 and least < near:
         for i in range(1, last + 1):
-            x, y = points[i, 0] - center[0], points[i, 1] - center[1]
-            if x * x + y * y < (radius + NEAR) ** 2:
-                count = add(
-                    records,
-                    gradients,
-                    count,
-                    control,
-                    place,
-                    k,
-                    what,
-                    _T[i],
-                    False,
-                    center,
-                    radius,
-                    reach,
-                    curve.powers,
-                )
+            x, y = points[i, 0] - thing.x, points[i, 1] - thing.y
+            if x * x + y * y < near:
+                count = add(records, gradients, count, piece, thing, _T[i], False, reach, powers)
     return count

@@ -15,7 +15,9 @@ from planners.contacts import (
     SPEED,
     Curve,
     Integers,
+    Piece,
     Records,
+    Thing,
     add,
     add_around,
     add_coordinates,
@@ -188,6 +190,7 @@ def expand(
     count, total, bent = 0, 0.0, 0.0
     for k in range(segments):
         control, place = out.control[k], layout.place[k]
+        piece = Piece(k, control, place)
         for i in range(8):
             if place[i] >= 0:
                 control[i // 2, i % 2] = x[place[i]]
@@ -217,59 +220,23 @@ def expand(
             far = (middle[0] - cx) ** 2 + (middle[1] - cy) ** 2
             if far > (spread[0] + radius + reach) ** 2:
                 continue
+            thing = Thing(disc, cx, cy, radius)
             # here and not in a function that is handed all arrays, which takes longer
             least = approach(points, slopes, cx, cy, rise)
             if least < (radius + reach + spread[1]) ** 2:
                 count = add_around(
-                    contact,
-                    gradient,
-                    count,
-                    control,
-                    place,
-                    k,
-                    disc,
-                    (cx, cy),
-                    radius,
-                    reach,
-                    least,
-                    ends,
-                    curve,
+                    contact, gradient, count, piece, thing, reach, least, ends, curve
                 )
             for row in range(len(layout.held)):
                 if int(layout.held[row, 0]) == k and int(layout.held[row, 1]) == disc:
                     t = layout.held[row, 2]
                     count = add(
-                        contact,
-                        gradient,
-                        count,
-                        control,
-                        place,
-                        k,
-                        disc,
-                        t,
-                        False,
-                        (cx, cy),
-                        radius,
-                        reach,
-                        curve.powers,
+                        contact, gradient, count, piece, thing, t, False, reach, curve.powers
                     )
         trace(control, 1, (0.0, 0.0), curve)
         least = approach(points, slopes, 0.0, 0.0, rise)
         if least < (layout.slowest + reach + spread[1]) ** 2:
-            count = add_around(
-                contact,
-                gradient,
-                count,
-                control,
-                place,
-                k,
-                SPEED,
-                (0.0, 0.0),
-                layout.slowest,
-                reach,
-                least,
-                True,
-                curve,
-            )
-        count = add_coordinates(contact, gradient, count, control, place, k, layout.bounds, reach)
+            thing = Thing(SPEED, 0.0, 0.0, layout.slowest)
+            count = add_around(contact, gradient, count, piece, thing, reach, least, True, curve)
+        count = add_coordinates(contact, gradient, count, piece, layout.bounds, reach)
     return count, _violation(out, count, layout.limits), total, layout.stiffness * bent
