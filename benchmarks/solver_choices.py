@@ -72,13 +72,13 @@ class _L1Merit:
     def __init__(self, most: float) -> None:
         self._last = math.inf
 
-    def add(self, point: sqp._Point) -> None:
+    def add(self, objective: float, violation: float) -> None:
         """Remember a point."""
-        self._last = point.objective + 40.0 * point.violation
+        self._last = objective + 40.0 * violation
 
-    def accepts(self, point: sqp._Point) -> bool:
+    def accepts(self, objective: float, violation: float) -> bool:
         """Whether the merit falls."""
-        return point.objective + 40.0 * point.violation < self._last
+        return objective + 40.0 * violation < self._last
 
 
 @contextmanager
@@ -102,7 +102,7 @@ VARIANTS = {
         patched=lambda: patch("planners.sqp.make_definite", raise_eigenvalues)
     ),
     "damped BFGS": Variant(patched=lambda: patch("planners.multi_start.Search", _Bfgs)),
-    "l1 merit instead of filter": Variant(patched=lambda: patch("planners.sqp._Filter", _L1Merit)),
+    "l1 merit instead of filter": Variant(patched=lambda: patch("planners.sqp.Filter", _L1Merit)),
     "no start given up": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
     "no sidesteps": Variant(MultiStart(sidesteps=())),
     "precision 1e-3": Variant(MultiStart(search=ElasticSqp(precision=1e-3))),

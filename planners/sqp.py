@@ -12,10 +12,6 @@ them, and is lowered where the model proves too stiff.
 When a step promises too little, the search settles on the nearest point that satisfies the
 linearised constraints, again and again until it does so in fact, lengths by certified
 quadrature.
-
-Reference:
-    Fletcher & Leyffer (2002), Nonlinear programming without a penalty function,
-    Mathematical Programming 91.
 """
 
 from __future__ import annotations
@@ -34,6 +30,7 @@ from planners import quadratic
 from planners.definite import make_definite
 from planners.exchange import AIM
 from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
+from planners.filter import Filter
 from planners.lagrangian import hand_on, lagrangian
 from planners.window import Window
 
@@ -43,8 +40,6 @@ _SETTLES = 1e-2
 """Violation [m] from which a search settles in a few steps."""
 _SMALLEST = 1e-7
 """Radius [m] at which a search is stuck."""
-_REMEMBERED = 20
-"""Points that the filter holds."""
 
 CONVERGED = "converged"
 OUTDONE = "outdone by another start"
@@ -122,28 +117,6 @@ def _empty_point(segments: int, unknowns: int, room: int) -> _Point:
         multiplier=np.empty(room),
         tension=np.empty(segments),
     )
-
-
-class _Filter:
-    """Pairs of objective and violation that a step must improve upon."""
-
-    def __init__(self, most: float) -> None:
-        self._most = most
-        self._pairs: list[tuple[float, float]] = []
-
-    def add(self, point: _Point) -> None:
-        self._pairs.append((point.objective, point.violation))
-        del self._pairs[:-_REMEMBERED]
-
-    def accepts(self, point: _Point) -> bool:
-        f, v = point.objective, point.violation
-        if not v <= self._most:
-            return False
-        # not a generator, which takes longer
-        for before, violation in self._pairs:
-            if not (v <= 0.99 * violation or f <= before - 1e-3 * v):
-                return False
-        return True
 
 
 @compiled
@@ -277,7 +250,7 @@ class Search:
         here, there = self.points
         self._expand(here, trail.x, quadratic.reach(radius))
         self._differentiate(here, here, np.zeros(len(here.tension)))
-        seen = _Filter(max(options.detour, here.violation))
+        seen = Filter(max(options.detour, here.violation))
         nearest = math.inf
         while True:
             if trail.steps >= options.iterations:
@@ -315,9 +288,10 @@ class Search:
                 if radius < _SMALLEST:
                     return here, "no feasible point near the end"
                 continue
-            seen.add(here)
+            seen.add(here.objective, here.violation)
             self._expand(there, here.x + p, quadratic.reach(max(radius, size)))
-            ratio = _ratio(here, there, fall) if seen.accepts(there) else -1.0
+            accepted = seen.accepts(there.objective, there.violation)
+            ratio = _ratio(here, there, fall) if accepted else -1.0
             if ratio <= 0.0:
                 radius = 0.25 * size
                 if radius < _SMALLEST:
