@@ -12,4 +12,5 @@ ENVIRONMENT_ID = "ferguson/ObstacleField-v0"
 register(
     id=ENVIRONMENT_ID,
     entry_point="ferguson_gym.environment:ObstacleField",
+    vector_entry_point="ferguson_gym.vector_environment:VectorObstacleField",
 )

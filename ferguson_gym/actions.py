@@ -7,8 +7,10 @@ frame that is turned with the vehicle (first axis forward, second to the left):
   The unit disc is mapped onto itself, smoothly, so every end point within 15.001 m has
   exactly one action, and z = 0 is 9 m ahead (q = 9 / 15.001).
 - end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and
-  coarse far out; forward w = (p + a[2]) / (1 + p a[2]), sideways w = a[3], and zero is a
-  derivative of 9 m per unit t, straight ahead.
+  coarse far out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a
+  derivative of 9 m per unit t. Its axes are turned by 2 y / 9 m, y the end point's distance
+  to the left: near straight flight that is the way a circular arc to the end point arrives,
+  so an action of end points alone flies smooth curves.
 
 A feasible segment of 15 m has derivatives below 4.3904 x 15 m = 65.86 m per unit t (the
 greatest value at an end of a quadratic polynomial whose absolute value has integral one),
@@ -23,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ferguson_gym.arrays import Array, finite
+from ferguson_gym.compilation import compiled
 
 Action: TypeAlias = NDArray[np.float32]
 
@@ -38,15 +41,82 @@ _SPREAD = STEEPEST / np.sinh(_FINENESS)
 _OFFSET = float(np.arcsinh(AHEAD / _SPREAD) / _FINENESS)
 
 
-def _shift(value: Any, share: float) -> Any:
-    """Möbius translation of the unit interval or disc; the inverse has -share."""
-    return (share + value) / (1.0 + share * value)
+BEND = 2.0 * REACH / AHEAD
+"""Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
 
 
-def _heading(derivative: Array) -> complex:
-    forward = complex(derivative[0], derivative[1])
-    size = abs(forward)
-    return forward / size if size > 0.0 else 1.0 + 0.0j
+@compiled
+def heading(along: float, across: float) -> complex:
+    """A derivative's direction as a complex number of size 1; of zero, the first axis."""
+    size = np.sqrt(along * along + across * across)
+    return complex(along / size, across / size) if size > 0.0 else 1.0 + 0.0j
+
+
+@compiled
+def share_of_steepest(slope: float) -> float:
+    """A derivative's coordinate [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
+    return float(np.arcsinh(slope / _SPREAD) / _FINENESS)
+
+
+@compiled
+def end_point(ahead: float, left: float) -> complex:
+    """End point that two entries mean, in the vehicle's frame, part of `REACH`."""
+    below = complex(1.0 + _SHARE * ahead, -_SHARE * left)
+    square = below.real * below.real + below.imag * below.imag
+    above = complex(_SHARE + ahead, left) * below
+    return complex(above.real / square, above.imag / square)
+
+
+@compiled
+def _arrival(end: complex) -> complex:
+    turn = BEND * end.imag
+    return complex(np.cos(turn), np.sin(turn))
+
+
+@compiled
+def decode_into(
+    control: Array,
+    action: NDArray[np.floating[Any]],
+    position: Array,
+    derivative: Array,
+    goal: Array,
+    gate: float,
+) -> None:
+    """`decode` into a control array (4, 2), without its checks."""
+    forward = heading(derivative[0], derivative[1])
+    end = end_point(float(action[0]), float(action[1]))
+    step = REACH * end * forward
+    share = float(action[2])
+    along = np.sinh(_FINENESS * ((_OFFSET + share) / (1.0 + _OFFSET * share)))
+    across = np.sinh(_FINENESS * float(action[3]))
+    slope = _SPREAD * forward * _arrival(end) * complex(along, across)
+    control[0, 0], control[0, 1] = position[0], position[1]
+    control[1, 0], control[1, 1] = position[0] + step.real, position[1] + step.imag
+    control[2, 0], control[2, 1] = derivative[0], derivative[1]
+    control[3, 0], control[3, 1] = slope.real, slope.imag
+    x, y = control[1, 0] - goal[0], control[1, 1] - goal[1]
+    if np.sqrt(x * x + y * y) <= gate:
+        control[1, 0], control[1, 1] = goal[0], goal[1]
+
+
+def check_action(action: ArrayLike, where: str = "") -> Array:
+    """Return an action (4,) in double precision.
+
+    Raises:
+        ValueError: another shape, not finite, or outside [-1, 1]; the message ends on `where`.
+    """
+    given = finite("action", action, (4,))
+    if np.abs(given).max() > 1.0:
+        raise ValueError(
+            f"an action lies in [-1, 1], got {np.asarray(action).tolist()}{where}; "
+            "clip it, or encode a segment"
+        )
+    return given
+
+
+def _unshifted(value: Any, share: float) -> Any:
+    """Inverse of the translation of the unit interval or disc by `share`."""
+    return (value - share) / (1.0 - share * value)
 
 
 def decode(
@@ -66,23 +136,10 @@ def decode(
     Raises:
         ValueError: another shape, not finite, or outside [-1, 1].
     """
-    ahead, left, along, across = finite("action", action, (4,))
-    if max(abs(ahead), abs(left), abs(along), abs(across)) > 1.0:
-        raise ValueError(
-            f"an action lies in [-1, 1], got {np.asarray(action).tolist()}; "
-            "clip it, or encode a segment"
-        )
-    heading = _heading(derivative)
-    step = REACH * _shift(complex(ahead, left), _SHARE) * heading
-    slope = (
-        _SPREAD
-        * heading
-        * complex(np.sinh(_FINENESS * _shift(along, _OFFSET)), np.sinh(_FINENESS * across))
-    )
-    end = position + np.array([step.real, step.imag])
-    if np.linalg.norm(end - goal) <= gate:
-        end = goal
-    return np.array([position, end, derivative, (slope.real, slope.imag)])
+    given = check_action(action)
+    control = np.empty((4, 2))
+    decode_into(control, given, position, derivative, goal, gate)
+    return control
 
 
 def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
@@ -104,16 +161,20 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
         ValueError: no action reaches the segment's end or end derivative.
     """
     control = finite("segment", segment, (4, 2))
-    heading = _heading(derivative).conjugate()
+    turn = heading(derivative[0], derivative[1]).conjugate()
     offset = control[1] - position
-    step = complex(offset[0], offset[1]) * heading / REACH
-    slope = complex(control[3, 0], control[3, 1]) * heading / _SPREAD
-    forward, across = np.arcsinh([slope.real, slope.imag]) / _FINENESS
-    # the inverse maps have their poles there, beyond all that an action reaches
-    if inside := abs(step) < 1.0 / _SHARE and abs(forward) < 1.0 / _OFFSET:
-        there, along = _shift(step, -_SHARE), _shift(forward, -_OFFSET)
-        action = np.array([there.real, there.imag, along, across])
-        inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
+    step = complex(offset[0], offset[1]) * turn / REACH
+    slope = complex(control[3, 0], control[3, 1]) * turn / _SPREAD
+    # the inverse maps have their poles beyond all that an action reaches
+    if inside := abs(step) < 1.0 / _SHARE:
+        there = _unshifted(step, _SHARE)
+        point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)
+        # the axes are turned as the rounded action will turn them
+        slope *= _arrival(end_point(float(point[0]), float(point[1]))).conjugate()
+        along, across = np.arcsinh([slope.real, slope.imag]) / _FINENESS
+        if inside := abs(along) < 1.0 / _OFFSET:
+            action = np.array([there.real, there.imag, _unshifted(along, _OFFSET), across])
+            inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
     if not inside:
         raise ValueError(
             f"no action reaches a segment that ends {abs(step) * REACH:.6g} m away with "

@@ -25,13 +25,15 @@ _REACH = (3.0 + 1.0 / 3.0) / 2.0
 """Largest |s| on the Bernstein ellipse of sum 3."""
 _NEGLIGIBLE = 2e-12
 """Part of the control polygon's length at which a piece around a cusp is settled."""
-_DEPTH = 64
+DEPTH = 64
+"""Pieces held at once."""
 
 
 @compiled
-def _segment_length(control: Array, stack: Array) -> float:
-    dimension = control.shape[1]
-    widths = np.empty(_DEPTH)
+def segment_length(control: Array, stack: Array, axes: tuple[int, ...]) -> float:
+    """Arc length of one segment (4, D); `stack` is scratch (DEPTH, 3, D), `axes` (0, .., D - 1)."""
+    dimension = len(axes)
+    widths, speed2 = np.empty(DEPTH), np.empty(len(_NODES))
     scale = 0.0
     for d in range(dimension):
         leave, arrive = control[2, d], control[3, d]
@@ -63,23 +65,26 @@ def _segment_length(control: Array, stack: Array) -> float:
             second2 += second**2
             third2 += third**2
         if np.sqrt(bb) * _REACH + np.sqrt(cc) * _REACH**2 <= 0.4 * np.sqrt(aa):
+            # nodes innermost, so that the loops become vector instructions
+            for node in range(len(_NODES)):
+                speed2[node] = 0.0
+            for d in range(dimension):
+                first, second, third = stack[top, 0, d], stack[top, 1, d], stack[top, 2, d]
+                a = 0.25 * (first + 2.0 * second + third)
+                b = 0.5 * (third - first)
+                c = 0.25 * (first - 2.0 * second + third)
+                for node in range(len(_NODES)):
+                    s = _NODES[node]
+                    speed2[node] += (a + s * (b + s * c)) ** 2
             piece = 0.0
             for node in range(len(_NODES)):
-                s = _NODES[node]
-                speed2 = 0.0
-                for d in range(dimension):
-                    first, second, third = stack[top, 0, d], stack[top, 1, d], stack[top, 2, d]
-                    a = 0.25 * (first + 2.0 * second + third)
-                    b = 0.5 * (third - first)
-                    c = 0.25 * (first - 2.0 * second + third)
-                    speed2 += (a + s * (b + s * c)) ** 2
-                piece += _WEIGHTS[node] * np.sqrt(speed2)
+                piece += _WEIGHTS[node] * np.sqrt(speed2[node])
             total += 0.5 * width * piece
             top -= 1
             continue
         upper = width * (np.sqrt(first2) + np.sqrt(second2) + np.sqrt(third2)) / 3.0
         lower = width * np.sqrt(chord2)
-        if upper - lower <= _NEGLIGIBLE * polygon or top + 2 > _DEPTH:
+        if upper - lower <= _NEGLIGIBLE * polygon or top + 2 > DEPTH:
             total += 0.5 * (upper + lower)
             top -= 1
             continue
@@ -95,11 +100,11 @@ def _segment_length(control: Array, stack: Array) -> float:
 
 
 @compiled
-def _lengths(control: Array) -> Array:
+def _lengths(control: Array, axes: tuple[int, ...]) -> Array:
     result = np.empty(len(control))
-    stack = np.empty((_DEPTH, 3, control.shape[2]))
+    stack = np.empty((DEPTH, 3, control.shape[2]))
     for index in range(len(control)):
-        result[index] = _segment_length(control[index], stack)
+        result[index] = segment_length(control[index], stack, axes)
     return result
 
 
@@ -111,4 +116,4 @@ def length(control: ArrayLike) -> Array:
     """
     control = as_control(control)
     flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
-    return _lengths(flat).reshape(control.shape[:-2])
+    return _lengths(flat, tuple(range(control.shape[-1]))).reshape(control.shape[:-2])

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym import bernstein
+from ferguson_gym import segments
 from ferguson_gym.arrays import Array, finite
 from ferguson_gym.splines import as_control
 
@@ -31,6 +31,10 @@ def _checked(
 
 def _flat(control: Array) -> Array:
     return np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
+
+
+def _axes(control: Array) -> tuple[int, ...]:
+    return tuple(range(control.shape[-1]))
 
 
 def closest(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[Array, Array]:
@@ -49,7 +53,7 @@ def closest(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[A
         ValueError: mismatched shapes, NaN or infinity.
     """
     control, centers, radii = _checked(control, centers, radii)
-    clear, where = bernstein.closest(_flat(control), centers, radii)
+    clear, where = segments.closest(_flat(control), centers, radii, _axes(control))
     shape = (*control.shape[:-2], len(radii))
     return clear.reshape(shape), where.reshape(shape)
 
@@ -60,7 +64,8 @@ def clearance(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> Array
     As `closest`, for the nearest disc alone and therefore faster; infinite without discs.
     """
     control, centers, radii = _checked(control, centers, radii)
-    return bernstein.clearance(_flat(control), centers, radii).reshape(control.shape[:-2])
+    clear = segments.clearance(_flat(control), centers, radii, np.inf, _axes(control))
+    return clear.reshape(control.shape[:-2])
 
 
 def is_clear(
@@ -76,13 +81,12 @@ def is_clear(
     """
     control, centers, radii = _checked(control, centers, radii)
     finite("least", least, ())
-    return bernstein.is_clear(_flat(control), centers, radii, float(least)).reshape(
-        control.shape[:-2]
-    )
+    clear = segments.clearance(_flat(control), centers, radii, float(least), _axes(control))
+    return np.asarray(clear >= least).reshape(control.shape[:-2])
 
 
 def least_speed(control: ArrayLike) -> tuple[Array, Array]:
     """Certified least |X'(t)| of each segment [m per unit t] and its parameter: 2 x (*batch,)."""
     control = as_control(control)
-    speed, where = bernstein.least_speed(_flat(control))
+    speed, where = segments.least_speed(_flat(control), _axes(control))
     return speed.reshape(control.shape[:-2]), where.reshape(control.shape[:-2])

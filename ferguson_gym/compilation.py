@@ -43,5 +43,14 @@ def compiled(function: F) -> F:
     Arithmetic is IEEE (no fast-math: certificates depend on it) and a division by
     zero gives an infinity or NaN instead of an exception.
     """
+    return _jit(function, nogil=False)
+
+
+def compiled_without_lock(function: F) -> F:
+    """As `compiled`; other Python threads run meanwhile."""
+    return _jit(function, nogil=True)
+
+
+def _jit(function: F, nogil: bool) -> F:
     function.__qualname__ = f"{function.__qualname__}-{_digest()}"
-    return cast(F, numba.njit(cache=True, error_model="numpy")(function))
+    return cast(F, numba.njit(cache=True, error_model="numpy", nogil=nogil)(function))

@@ -2,35 +2,96 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
 from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from ferguson_gym import batch
 from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import Array, real
 from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, Step, advance, depart
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.observations import COLUMNS, SHAPES, Observation, observe
+from ferguson_gym.fleet import NOT_STARTED, Fleet
+from ferguson_gym.flight import State
+from ferguson_gym.observations import Observation
 from ferguson_gym.outcome import Outcome
-from ferguson_gym.rewards import reward
-from ferguson_gym.suites import SPLITS, SUITES, suite_field
+from ferguson_gym.settings import Settings
 
 RENDER_MODES = ("human", "rgb_array")
+INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
+"""Keys of `info`."""
 
 
-def observation_space(nearest: int) -> spaces.Space[Observation]:
-    """The space of what `observe` returns for the K = `nearest` obstacles."""
-    shapes: dict[str, tuple[int, ...]] = {key: (size,) for key, size in SHAPES.items()}
-    shapes |= {"obstacles": (nearest, COLUMNS), "mask": (nearest,)}
+def action_space() -> spaces.Space[Action]:
+    """The space of one vehicle's actions."""
+    return cast("spaces.Space[Action]", spaces.Box(-1.0, 1.0, (4,), np.float32))
+
+
+def observation_space(settings: Settings) -> spaces.Space[Observation]:
+    """The space of one vehicle's observations."""
+    low = {"mask": 0.0, "rays": 0.0}
     boxes: dict[str, spaces.Space[Any]] = {
-        key: spaces.Box(-1.0, 1.0, shape, np.float32) for key, shape in shapes.items()
+        key: spaces.Box(low.get(key, -1.0), 1.0, shape, np.float32)
+        for key, shape in settings.shapes.items()
     }
     return cast("spaces.Space[Observation]", spaces.Dict(boxes))
+
+
+def settings_of(arguments: dict[str, Any]) -> Settings:
+    """The settings that an environment's arguments mean.
+
+    Raises:
+        TypeError: an unknown argument.
+        ValueError: as `Settings`.
+    """
+    known = [field.name for field in dataclasses.fields(Settings)]
+    if unknown := sorted(set(arguments) - set(known)):
+        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
+    return Settings(**arguments)
+
+
+def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
+    """Actions in single precision, as the space has them.
+
+    Raises:
+        ValueError: another shape, or no numbers.
+    """
+    if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
+        return np.ascontiguousarray(action)
+    array = real("action", action)
+    if array.shape != shape:
+        raise ValueError(f"action must have shape {shape}, got {array.shape}")
+    return array.astype(np.float32)
+
+
+def chosen_field(options: Mapping[str, Any]) -> Any:
+    """What `reset(options={"field": ...})` asks for, names read; None if nothing.
+
+    Raises:
+        ValueError: other options.
+    """
+    if unknown := set(options) - {"field"}:
+        raise ValueError(f"unknown reset options {sorted(unknown)}; the only one is 'field'")
+    return options.get("field")
+
+
+def as_field(given: object) -> Field:
+    """A field, by value or by name.
+
+    Raises:
+        ValueError: neither, or an unknown name.
+    """
+    field = one(given) if isinstance(given, str) else given
+    if not isinstance(field, Field):
+        raise ValueError(
+            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
+        )
+    return field
 
 
 class ObstacleField(gym.Env[Observation, Action]):
@@ -127,31 +188,18 @@ class ObstacleField(gym.Env[Observation, Action]):
         "render_fps": 4,
     }
 
-    def __init__(
-        self,
-        suite: str = "standard",
-        split: str = "train",
-        nearest: int = 12,
-        render_mode: str | None = None,
-    ) -> None:
-        if suite not in SUITES:
-            raise ValueError(f"unknown suite {suite!r}; suites are {', '.join(SUITES)}")
-        if split not in SPLITS:
-            raise ValueError(f"unknown split {split!r}; splits are {', '.join(SPLITS)}")
-        if nearest < 1:
-            raise ValueError(f"an observation needs nearest >= 1 obstacles, got {nearest}")
+    def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
+        self.settings = settings_of(arguments)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(
                 f"unknown render mode {render_mode!r}; modes are {', '.join(RENDER_MODES)}"
             )
-        self.suite, self.split, self.nearest = suite, split, nearest
         self.render_mode = render_mode
-        self.limits: Limits = PAPER_LIMITS
-        self.action_space = spaces.Box(-1.0, 1.0, (4,), np.float32)
-        self.observation_space = observation_space(nearest)
+        self.action_space = action_space()
+        self.observation_space = observation_space(self.settings)
+        self._fleet = Fleet(self.settings, 1, batch.DISABLED)
+        self._keys = tuple(self.settings.shapes)
         self._field: Field | None = None
-        self._steps: list[Step] = []
-        self._outcome = Outcome.FLYING
         self._viewer: Any = None
 
     @property
@@ -161,25 +209,30 @@ class ObstacleField(gym.Env[Observation, Action]):
         Raises:
             RuntimeError: before the first reset.
         """
+        self._started()
         if self._field is None:
-            raise RuntimeError("no field yet: call reset() first")
+            self._field = self._fleet.field(0)
         return self._field
+
+    def _started(self) -> None:
+        if self._fleet.outcome[0] == NOT_STARTED:
+            raise RuntimeError("no field yet: call reset() first")
 
     @property
     def state(self) -> State:
         """The vehicle's state, exactly; observations are rounded and clipped."""
-        return self._steps[-1].state if self._steps else depart(self.field)
+        self._started()
+        return self._fleet.state(0)
 
     @property
     def control(self) -> Array:
         """Segments flown so far (n, 4, 2)."""
-        return np.array([step.control for step in self._steps if step.flown]).reshape(-1, 4, 2)
+        return self._fleet.control(0)
 
     @property
     def refused(self) -> Array | None:
         """The segment (4, 2) that ended the flight without being flown, if one did."""
-        last = self._steps[-1] if self._steps else None
-        return last.control if last is not None and not last.flown else None
+        return self._fleet.refused(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -189,28 +242,17 @@ class ObstacleField(gym.Env[Observation, Action]):
         Raises:
             ValueError: unknown options, or a field that is none.
         """
+        given = chosen_field(options or {})
+        field = seed if given is None else as_field(given)
         super().reset(seed=seed)
-        self._field = self._choose(seed, options or {})
-        self._steps = []
-        self._outcome = Outcome.FLYING
+        if isinstance(field, Field):
+            self._fleet.make_room(field)
+        renewed = np.array([seed is not None])
+        self._fleet.begin(_ONE, [field], [self.np_random], renewed)
+        self._field = field if isinstance(field, Field) else None
         if self.render_mode == "human":
             self.render()
-        return self._observation(), self._info()
-
-    def _choose(self, seed: int | None, options: dict[str, Any]) -> Field:
-        if unknown := set(options) - {"field"}:
-            raise ValueError(f"unknown reset options {sorted(unknown)}; the only one is 'field'")
-        given = options.get("field")
-        if given is None:
-            drawn = int(self.np_random.integers(2**31)) if seed is None else seed
-            return suite_field(self.suite, self.split, drawn)
-        field = one(given) if isinstance(given, str) else given
-        if not isinstance(field, Field):
-            raise ValueError(
-                f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
-            )
-        depart(field)  # refuses what is not planar
-        return field
+        return self._seen(), self._info()
 
     def step(
         self, action: NDArray[np.floating[Any]]
@@ -221,36 +263,30 @@ class ObstacleField(gym.Env[Observation, Action]):
             ValueError: an action of another shape, not finite or outside [-1, 1].
             RuntimeError: the flight is over, or there was no reset.
         """
-        field = self.field
-        if self._outcome is not Outcome.FLYING:
-            raise RuntimeError(f"the flight is over ({self._outcome.sentence}): call reset()")
-        before = self.state
-        step = advance(field, before, np.asarray(action, dtype=np.float32), self.limits)
-        self._steps.append(step)
-        self._outcome = step.outcome
+        self._started()
+        if (code := int(self._fleet.outcome[0])) != Outcome.FLYING.code:
+            sentence = Outcome.from_code(code).sentence
+            raise RuntimeError(f"the flight is over ({sentence}): call reset()")
+        actions = as_actions(action, (4,))[None]
+        self._fleet.step(actions, [self.np_random])
         if self.render_mode == "human":
             self.render()
-        truncated = step.outcome is Outcome.OUT_OF_SEGMENTS
-        terminated = step.outcome is not Outcome.FLYING and not truncated
-        gain = reward(field, before, step)
-        return self._observation(), gain, terminated, truncated, self._info()
+        report = self._fleet.report
+        return (
+            self._seen(),
+            float(report.reward[0]),
+            bool(report.terminated[0]),
+            bool(report.truncated[0]),
+            self._info(),
+        )
 
-    def _observation(self) -> Observation:
-        return observe(self.field, self.state, self.limits, self.nearest)
+    def _seen(self) -> Observation:
+        sight = self._fleet.sight
+        return {key: getattr(sight, key)[0].copy() for key in self._keys}
 
     def _info(self) -> dict[str, Any]:
-        flown = [step.inspection for step in self._steps if step.flown]
-        obstacles = self.field.obstacles
-        clear = [float(one.clearance) for one in flown]
-        if len(obstacles):
-            clear.append(float(obstacles.signed_distance(self.state.position).min()))
-        return {
-            "is_success": self._outcome.success,
-            "outcome": self._outcome.code,
-            "path_length": float(sum(float(one.length) for one in flown)),
-            "clearance": min(clear, default=float("inf")),
-            "segments": len(flown),
-        }
+        report = self._fleet.report
+        return {key: getattr(report, key)[0].item() for key in INFOS}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the flight so far: an image (800, 800, 3), or a window in mode human.
@@ -263,13 +299,15 @@ class ObstacleField(gym.Env[Observation, Action]):
                 "render() without a render mode; pass render_mode='rgb_array' to gym.make()"
             )
             return None
+        field = self.field
         if self._viewer is None:
             # matplotlib is imported when something is drawn, not when an agent trains
             from ferguson_gym.viewer import Viewer
 
             self._viewer = Viewer(self.render_mode)
+        outcome = Outcome.from_code(int(self._fleet.outcome[0]))
         image: NDArray[np.uint8] | None = self._viewer.draw(
-            self.field, self.control, self.refused, self._outcome
+            field, self.control, self.refused, outcome
         )
         return image
 
@@ -278,3 +316,6 @@ class ObstacleField(gym.Env[Observation, Action]):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+
+
+_ONE = np.ones(1, np.bool_)

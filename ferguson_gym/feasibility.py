@@ -7,13 +7,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym.arc_length import length
+from ferguson_gym.arc_length import length, segment_length
 from ferguson_gym.arrays import Array
 from ferguson_gym.clearance import least_speed
+from ferguson_gym.compilation import compiled
 from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.limits import PAPER_LIMITS, Limits, Numbers
 from ferguson_gym.outcome import Outcome
-from ferguson_gym.splines import as_control, extent
+from ferguson_gym.segments import (
+    Scratch,
+    rooms,
+    segment_clearance,
+    segment_room,
+    segment_speed,
+)
+from ferguson_gym.splines import as_control
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,8 +60,18 @@ class Inspection:
         return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
 
 
-_ROUNDING = 1e-13
-"""Outward margin of `room`, part of the largest number in the control array."""
+FLYING, NOT_REGULAR, TOO_SHORT, TOO_LONG, LEFT_BOUNDS, COLLISION = (
+    outcome.code
+    for outcome in (
+        Outcome.FLYING,
+        Outcome.NOT_REGULAR,
+        Outcome.TOO_SHORT,
+        Outcome.TOO_LONG,
+        Outcome.LEFT_BOUNDS,
+        Outcome.COLLISION,
+    )
+)
+"""Codes, for compiled functions."""
 
 _FAILURES = (
     Outcome.NOT_REGULAR,
@@ -62,6 +80,48 @@ _FAILURES = (
     Outcome.LEFT_BOUNDS,
     Outcome.COLLISION,
 )
+
+
+@compiled
+def first_failure(
+    control: Array,
+    bounds: Array,
+    columns: Array,
+    radii: Array,
+    limits: Numbers,
+    below: float,
+    scratch: Scratch,
+) -> tuple[int, float, float]:
+    """Whether one segment among discs may be flown, as `Inspection.outcome` decides it.
+
+    Args:
+        control: (4, D) segment.
+        bounds: (2, D) of the field.
+        columns: (D, n) centres of the discs.
+        radii: (n,).
+        limits: of the flight.
+        below: a clearance that is not below this need not be found.
+        scratch: memory, for n discs or more.
+
+    Returns:
+        The code of FLYING or of the first failure; length; clearance or `below` if that is
+        less. Length and clearance are those of a segment that may be flown, else zero.
+    """
+    slack = limits.tolerance
+    # NaN fails every test
+    if not segment_speed(control, limits.slowest, scratch)[0] - limits.slowest >= -slack:
+        return NOT_REGULAR, 0.0, 0.0
+    length = segment_length(control, scratch.pieces, scratch.axes)
+    if not length - limits.shortest >= -slack:
+        return TOO_SHORT, 0.0, 0.0
+    if not limits.longest - length >= -slack:
+        return TOO_LONG, 0.0, 0.0
+    if not segment_room(control, bounds) >= -slack:
+        return LEFT_BOUNDS, 0.0, 0.0
+    clearance = segment_clearance(control, columns, radii, below, scratch)
+    if not clearance >= -slack:
+        return COLLISION, 0.0, 0.0
+    return FLYING, length, clearance
 
 
 def inspect(control: ArrayLike, field: Field) -> Inspection:
@@ -76,14 +136,12 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
             f"field {field.name} has {len(field.start)} dimensions, "
             f"the control array {control.shape[-1]}"
         )
-    low, high = extent(control)
-    room = np.minimum(low - field.bounds[0], field.bounds[1] - high).min(axis=-1)
-    room = room - _ROUNDING * np.abs(control).max(axis=(-2, -1))
+    flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
     speed, _ = least_speed(control)
     return Inspection(
         length=length(control),
         clearance=field.obstacles.clearance(control),
-        room=room,
+        room=rooms(flat, field.bounds).reshape(control.shape[:-2]),
         speed=speed,
     )
 

@@ -43,10 +43,11 @@ class Step:
     @property
     def flown(self) -> bool:
         """Whether the segment was feasible; a segment that is not is refused."""
-        return self.outcome in _FLOWN
+        return self.outcome in FLOWN
 
 
-_FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
+FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
+"""Outcomes of segments that were flown."""
 
 
 def depart(field: Field) -> State:

@@ -4,6 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+
+class Numbers(NamedTuple):
+    """The fields of `Limits`, for compiled functions."""
+
+    shortest: float
+    longest: float
+    slowest: float
+    gate: float
+    tolerance: float
+    segments: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +59,17 @@ class Limits:
             raise ValueError(f"need 0 <= gate < shortest, got {self.gate} m and {self.shortest} m")
         if self.segments < 1:
             raise ValueError(f"a flight needs at least 1 segment, got {self.segments}")
+
+    def numbers(self) -> Numbers:
+        """The limits as kernels take them."""
+        return Numbers(
+            float(self.shortest),
+            float(self.longest),
+            float(self.slowest),
+            float(self.gate),
+            float(self.tolerance),
+            int(self.segments),
+        )
 
 
 PAPER_LIMITS = Limits()

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ferguson_gym.arrays import Array
+from ferguson_gym.compilation import compiled
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 
@@ -27,36 +28,53 @@ def latin_hypercube(stream: np.random.RandomState, points: int) -> Array:
     Its defaults: smoothing on, criterion maximin, 5 designs of which the one with the
     largest least distance between points is kept (the first wins a tie).
     """
-    best, spread = np.empty((points, 2)), -1.0
-    for _ in range(5):
-        ranks = _columns(stream, points).argsort(axis=0).argsort(axis=0) + 1
-        design = (ranks - _columns(stream, points)) / points
-        offset = design[:, None] - design
-        distance2 = np.sum(offset * offset, axis=-1)
-        np.fill_diagonal(distance2, np.inf)
-        if distance2.min() > spread:
-            best, spread = design, float(distance2.min())
+    # MATLAB fills a matrix column by column; a design takes one for its ranks, one for jitter
+    return _maximin(stream.random_sample((5, 2, 2, points)))
+
+
+@compiled
+def _maximin(draws: Array) -> Array:
+    designs, _, columns, points = draws.shape
+    best, design = np.empty((points, columns)), np.empty((points, columns))
+    spread = -1.0
+    for k in range(designs):
+        for c in range(columns):
+            for i in range(points):
+                rank = 1
+                for j in range(points):
+                    if draws[k, 0, c, j] < draws[k, 0, c, i]:
+                        rank += 1
+                design[i, c] = (rank - draws[k, 1, c, i]) / points
+        least = np.inf
+        for i in range(points):
+            for j in range(i):
+                square = 0.0
+                for c in range(columns):
+                    square += (design[i, c] - design[j, c]) ** 2
+                least = min(least, square)
+        if least > spread:
+            best[:], spread = design, least
     return best
-
-
-def _columns(stream: np.random.RandomState, points: int) -> Array:
-    # MATLAB fills a matrix column by column
-    return stream.random_sample((2, points)).T
 
 
 def draw_discs(
     stream: np.random.RandomState,
-    per_design: int = 25,
-    designs: int = 2,
+    designs: tuple[int, ...] = (25, 25),
     smallest: float = 3.0,
     largest: float = 7.0,
 ) -> Discs:
     """Discs by the paper's recipe: Latin hypercubes on [5, 95]^2, uniform radii [m].
 
+    Args:
+        stream: randomness.
+        designs: points of each hypercube.
+        smallest: least radius [m].
+        largest: greatest radius [m].
+
     Reference:
         The paper, section II.
     """
-    centers = np.vstack([latin_hypercube(stream, per_design) for _ in range(designs)])
+    centers = np.vstack([np.empty((0, 2)), *(latin_hypercube(stream, n) for n in designs)])
     radii = smallest + (largest - smallest) * stream.random_sample(len(centers))
     return Discs(90.0 * centers + 5.0, radii)
 

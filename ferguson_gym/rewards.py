@@ -1,32 +1,35 @@
-"""The reward: progress towards the goal less path length, and a price for failure."""
+"""The reward: progress towards the goal, a price for detours and a price for failure."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import NamedTuple
 
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, Step
-from ferguson_gym.outcome import Outcome
-
-LENGTH_WEIGHT = 0.5
-"""Weight of path length against progress."""
-FAILURE = -1.0
-"""Added when a flight ends anywhere but on the goal."""
+from ferguson_gym.compilation import compiled
 
 
-def reward(field: Field, before: State, step: Step) -> float:
-    """(progress - length / 2) / (straight distance from start to goal), less 1 on failure.
+class Prices(NamedTuple):
+    """What a flight is charged; progress pays 1 over the straight distance to the goal."""
 
-    Summed over a flight that reaches the goal over L metres this is 1 - L / (2 D), with D
-    the straight distance. A failure sums to at most -1/2, since no path is shorter than
-    its progress: every flight shorter than 3 D returns more than every failure.
+    detour: float
+    """For length beyond progress, times the straight distance."""
+    failure: float
+    """When a flight ends anywhere but on the goal."""
+
+
+@compiled
+def gain(before: float, after: float, length: float, distance: float, prices: Prices) -> float:
+    """Reward of a segment that was flown.
+
+    `(progress - detour (length - progress)) / distance`. Summed over a flight that reaches
+    the goal over L metres this is 1 - detour (L / D - 1), with D the straight distance.
+    Progress telescopes and no length is shorter than its progress, so circling never pays.
+
+    Args:
+        before: straight distance to the goal before the segment [m].
+        after: and after it [m].
+        length: of the segment [m].
+        distance: straight distance from start to goal [m].
+        prices: of detour and failure.
     """
-    total = 0.0
-    if step.flown:
-        left_before = float(np.linalg.norm(field.goal - before.position))
-        left_after = float(np.linalg.norm(field.goal - step.state.position))
-        flown = float(step.inspection.length)
-        total = (left_before - left_after - LENGTH_WEIGHT * flown) / field.distance
-    if step.outcome not in (Outcome.FLYING, Outcome.GOAL_REACHED):
-        total += FAILURE
-    return total
+    progress = before - after
+    return (progress - prices.detour * (length - progress)) / distance

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.arrays import Array, GenericArray, real
+from ferguson_gym.compilation import compiled
 
 _POWER_BASIS = np.array(
     # rows: coefficients of 1, t, t^2, t^3; columns: F1..F4 of the paper
@@ -175,30 +176,48 @@ def subdivide(control: ArrayLike, t: float = 0.5) -> tuple[Array, Array]:
     return left, right
 
 
-def extent(control: ArrayLike) -> tuple[Array, Array]:
-    """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m].
+@compiled
+def coordinate_extent(start: float, end: float, leave: float, arrive: float) -> tuple[float, float]:
+    """Least and greatest value of one coordinate along a segment.
 
     Extremes of a cubic lie at its ends and at the roots of its derivative; a root's
     rounding error moves the value only to second order.
     """
-    control = np.asarray(control, dtype=np.float64)
+    low, high = min(start, end), max(start, end)
     # squares of huge or tiny numbers leave the range
-    scale = np.abs(control).max(axis=(-2, -1), keepdims=True, initial=0.0)
-    scale[scale == 0.0] = 1.0
-    low, high = _extent(control / scale)
-    return low * scale[..., 0, :], high * scale[..., 0, :]
+    scale = max(abs(start), abs(end), abs(leave), abs(arrive))
+    if scale == 0.0:
+        return low, high
+    c, d = leave / scale, start / scale
+    a = (2.0 * (start - end) + leave + arrive) / scale
+    b = (3.0 * (end - start) - 2.0 * leave - arrive) / scale
+    square = b * b - 3.0 * a * c
+    if square <= 0.0:
+        return low, high
+    q = -(b + np.copysign(np.sqrt(square), b))
+    for numerator, denominator in ((q, 3.0 * a), (c, q)):
+        t = numerator / denominator  # infinite or NaN where there is no such root
+        if 0.0 < t < 1.0:
+            value = scale * (((a * t + b) * t + c) * t + d)
+            low, high = min(low, value), max(high, value)
+    return low, high
 
 
-def _extent(control: Array) -> tuple[Array, Array]:
-    a, b, c = (row @ control for row in (_POWER_BASIS[3] * 3, _POWER_BASIS[2] * 2, _POWER_BASIS[1]))
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        root = np.sqrt(np.maximum(b * b - 4 * a * c, 0.0))
-        q = -0.5 * (b + np.copysign(root, b))
-        candidates = np.stack([q / a, c / q])
-    candidates = np.clip(np.nan_to_num(candidates, nan=0.0, posinf=0.0, neginf=0.0), 0.0, 1.0)
-    power = _POWER_BASIS @ control
-    values = power[..., 3, :]
-    for row in (2, 1, 0):
-        values = values * candidates + power[..., row, :]
-    values = np.concatenate([values, control[None, ..., 0, :], control[None, ..., 1, :]])
-    return values.min(axis=0), values.max(axis=0)
+@compiled
+def _extents(control: Array) -> tuple[Array, Array]:
+    shape = (len(control), control.shape[2])
+    low, high = np.empty(shape), np.empty(shape)
+    for s in range(len(control)):
+        for d in range(control.shape[2]):
+            low[s, d], high[s, d] = coordinate_extent(
+                control[s, 0, d], control[s, 1, d], control[s, 2, d], control[s, 3, d]
+            )
+    return low, high
+
+
+def extent(control: ArrayLike) -> tuple[Array, Array]:
+    """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m]."""
+    control = np.asarray(control, dtype=np.float64)
+    low, high = _extents(np.ascontiguousarray(control.reshape(-1, *control.shape[-2:])))
+    shape = (*control.shape[:-2], control.shape[-1])
+    return low.reshape(shape), high.reshape(shape)

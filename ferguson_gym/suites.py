@@ -6,7 +6,8 @@ keyed by suite, split and seed, so splits never share a stream.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -20,24 +21,39 @@ SPLITS = ("train", "validation", "test")
 LAST_SEED = 2**63 - 1
 
 
-def standard(stream: np.random.RandomState) -> Discs:
-    """The paper's recipe: 50 discs of 3 to 7 m."""
-    return draw_discs(stream)
+class Recipe(Protocol):
+    """Draws the discs of a field from a stream of random numbers."""
+
+    def __call__(self, stream: np.random.RandomState) -> Discs:
+        """Discs of one field."""
 
 
-def sparse(stream: np.random.RandomState) -> Discs:
-    """20 discs of 3 to 7 m."""
-    return draw_discs(stream, per_design=10)
+@dataclass(frozen=True, slots=True)
+class Scattered:
+    """The paper's recipe, Latin hypercubes of discs, with numbers of its own.
 
+    Raises:
+        ValueError: radii that are not 0 < smallest <= largest <= 7 m
+            (a larger disc could cover start or goal).
+    """
 
-def dense(stream: np.random.RandomState) -> Discs:
-    """70 discs of 3 to 7 m."""
-    return draw_discs(stream, per_design=35)
+    designs: tuple[int, ...]
+    """Points of each Latin hypercube."""
+    smallest: float
+    """Least radius [m]."""
+    largest: float
+    """Greatest radius [m]."""
 
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smallest <= self.largest <= 7.0:
+            raise ValueError(
+                "need 0 < smallest <= largest <= 7 m for radii (larger discs could cover start "
+                f"or goal), got {self.smallest} and {self.largest}"
+            )
 
-def forest(stream: np.random.RandomState) -> Discs:
-    """180 thin trunks of 0.5 to 1.5 m."""
-    return draw_discs(stream, per_design=60, designs=3, smallest=0.5, largest=1.5)
+    def __call__(self, stream: np.random.RandomState) -> Discs:
+        """Discs of one field."""
+        return draw_discs(stream, self.designs, self.smallest, self.largest)
 
 
 def traps(stream: np.random.RandomState) -> Discs:
@@ -58,7 +74,7 @@ def traps(stream: np.random.RandomState) -> Discs:
             center = middle + radius * np.array([np.cos(angle), np.sin(angle)])
             centers.append(center.round(9))  # sine and cosine differ between C libraries
             radii.append(thickness)
-    single = draw_discs(stream, per_design=6, largest=5.0)
+    single = draw_discs(stream, (6, 6), largest=5.0)
     every = Discs(np.vstack([*centers, single.centers]), np.concatenate([radii, single.radii]))
     # inside [5, 95] no ring of discs can close around start or goal
     inside = ((every.centers >= 5.0) & (every.centers <= 95.0)).all(axis=1)
@@ -66,11 +82,11 @@ def traps(stream: np.random.RandomState) -> Discs:
     return Discs(every.centers[inside & room], every.radii[inside & room])
 
 
-SUITES: dict[str, Callable[[np.random.RandomState], Discs]] = {
-    "standard": standard,
-    "sparse": sparse,
-    "dense": dense,
-    "forest": forest,
+SUITES: dict[str, Recipe] = {
+    "standard": Scattered((25, 25), 3.0, 7.0),
+    "sparse": Scattered((10, 10), 3.0, 7.0),
+    "dense": Scattered((35, 35), 3.0, 7.0),
+    "forest": Scattered((60, 60, 60), 0.5, 1.5),
     "traps": traps,
 }
 """Recipes by name."""
@@ -84,12 +100,53 @@ def suite_field(suite: str, split: str, seed: int) -> Field:
     Raises:
         ValueError: an unknown suite or split, or a seed outside 0..2**63 - 1.
     """
+    discs = suite_discs(suite, split, seed)
+    return Field(name=f"{suite}/{split}:{seed}", obstacles=discs)
+
+
+def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None) -> Discs:
+    """The discs of a suite's field, or those that another recipe draws from its stream.
+
+    Raises:
+        ValueError: as `suite_field`.
+    """
+    check_suite(suite, split)
+    if not 0 <= seed <= LAST_SEED:
+        raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
+    key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
+    return (recipe or SUITES[suite])(np.random.RandomState(key))
+
+
+def check_suite(suite: str, split: str) -> None:
+    """Refuse unknown names.
+
+    Raises:
+        ValueError: an unknown suite or split.
+    """
     if suite not in SUITES:
         raise ValueError(f"unknown suite {suite!r}; suites are {', '.join(SUITES)}")
     if split not in SPLITS:
         raise ValueError(f"unknown split {split!r}; splits are {', '.join(SPLITS)}")
-    if not 0 <= seed <= LAST_SEED:
-        raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
-    key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
-    stream = np.random.RandomState(key)
-    return Field(name=f"{suite}/{split}:{seed}", obstacles=SUITES[suite](stream))
+
+
+def altered(
+    suite: str, obstacles: int | None = None, radii: tuple[float, float] | None = None
+) -> Scattered:
+    """A suite's recipe with another number of obstacles or other radii (least, greatest) [m].
+
+    Raises:
+        ValueError: a suite that is not scattered discs, or numbers that make no recipe.
+    """
+    recipe = SUITES[suite]
+    if not isinstance(recipe, Scattered):
+        raise ValueError(f"the obstacles of suite {suite!r} are fixed: they form pockets")
+    if obstacles is not None:
+        if obstacles < 0:
+            raise ValueError(f"a field has 0 obstacles or more, got {obstacles}")
+        number = len(recipe.designs)
+        sizes = ((obstacles + k) // number for k in range(number))
+        recipe = replace(recipe, designs=tuple(size for size in sizes if size))
+    if radii is not None:
+        smallest, largest = radii
+        recipe = replace(recipe, smallest=float(smallest), largest=float(largest))
+    return recipe

@@ -50,7 +50,9 @@ def test_encoding_a_decoded_action_gives_it_back(action, position, derivative):
     derivatives(),
     st.floats(0.0, REACH),
     ANGLES,
-    arrays(np.float64, 2, elements=st.floats(-STEEPEST, STEEPEST)),
+    st.tuples(st.floats(0.0, STEEPEST), ANGLES).map(
+        lambda polar: turned([polar[0], 0.0], polar[1])
+    ),
 )
 def test_decoding_an_encoded_segment_is_accurate(position, derivative, distance, angle, slope):
     forward = cmath.phase(complex(*derivative))
@@ -68,10 +70,10 @@ def test_decoding_an_encoded_segment_is_accurate(position, derivative, distance,
 @pytest.mark.parametrize("direction", np.linspace(-np.pi, np.pi, 9))
 def test_accuracy_holds_at_the_edges_of_what_can_be_expressed(distance, direction):
     position, derivative = np.zeros(2), np.array([5.0, 0.0])
-    for forward in (-STEEPEST, -65.76, 0.0, STEEPEST):
-        for sideways in (-STEEPEST, 0.0, STEEPEST):
+    for steep in (0.0, 9.0, 65.76, STEEPEST):
+        for way in np.linspace(-np.pi, np.pi, 9):
             end = turned([distance, 0.0], direction)
-            segment = np.array([position, end, derivative, [forward, sideways]])
+            segment = np.array([position, end, derivative, turned([steep, 0.0], way)])
             action = encode(segment, position, derivative)
             again = decode(action, position, derivative, FAR, gate=1.0)
             assert np.linalg.norm(again[1] - end) <= END_ERROR
@@ -112,7 +114,7 @@ def test_the_second_and_fourth_entry_mean_left(action):
     one = decode(action, origin, forward, FAR, gate=1.0)
     other = decode(mirrored, origin, forward, FAR, gate=1.0)
     np.testing.assert_allclose(other, one * [1.0, -1.0], rtol=0, atol=1e-12)
-    assert (one[3, 1] >= 0.0) == (action[3] >= 0.0)
+    assert (one[1, 1] >= 0.0) == (action[1] >= 0.0)
 
 
 @PROPERTY
@@ -140,6 +142,15 @@ def test_the_gate_itself_belongs_to_the_goal():
     for gate, expected in ((1.0, goal), (0.999, end), (0.0, end)):
         segment = decode(np.zeros(4), np.zeros(2), np.array([5.0, 0.0]), goal, gate)
         np.testing.assert_array_equal(segment[1], expected)
+
+
+@pytest.mark.parametrize("left", [-0.3, -0.1, 0.02, 0.1, 0.3])
+def test_end_points_alone_fly_arcs(left):
+    # an arc that leaves forward and ends at angle a arrives at angle 2 a
+    segment = decode([0.0, left, 0.0, 0.0], np.zeros(2), np.array([9.0, 0.0]), FAR, gate=1.0)
+    bearing = cmath.phase(complex(*segment[1]))
+    assert cmath.phase(complex(*segment[3])) == pytest.approx(2.0 * bearing, rel=0.1)
+    assert np.linalg.norm(segment[3]) == pytest.approx(9.0)
 
 
 def test_every_feasible_segment_can_be_expressed():

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from ferguson_gym import bernstein
+from ferguson_gym import segments
 from ferguson_gym.compilation import PACKAGES, digest
 
 ROOT = Path(__file__).parent.parent
@@ -44,4 +44,4 @@ def test_packages_are_those_with_kernels() -> None:
 
 
 def test_machine_code_is_cached_under_the_digest() -> None:
-    assert digest(ROOT) in bernstein.clearance.__qualname__
+    assert digest(ROOT) in segments.clearance.__qualname__

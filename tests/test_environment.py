@@ -52,8 +52,6 @@ def test_stable_baselines_checker_has_nothing_to_say() -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        # obstacles are a padded matrix, (nearest, 4), which is neither image nor vector
-        warnings.filterwarnings("ignore", message=".*unconventional shape.*")
         checker.check_env(gym.make(ENVIRONMENT_ID))
 
 
@@ -104,11 +102,12 @@ def test_straight_flight_over_an_open_field_reaches_the_goal() -> None:
     assert info["outcome"] == Outcome.GOAL_REACHED.code
     assert info["segments"] == 16
     assert info["path_length"] == pytest.approx(OPEN.distance)
-    assert before + last == pytest.approx(0.5)
+    assert before + last == pytest.approx(1.0)
 
 
-def test_flights_return_one_less_half_their_relative_length() -> None:
-    env = ObstacleField()
+@pytest.mark.parametrize("detour", [0.0, 1.0, 2.5])
+def test_flights_return_one_less_the_price_of_their_detour(detour: float) -> None:
+    env = ObstacleField(detour=detour)
     env.reset(options={"field": OPEN})
     corners = [np.array([8.0 * k, 8.0 * k + 3.0 * (k % 2)]) for k in range(1, 13)]
     corners.append(OPEN.goal)
@@ -119,21 +118,23 @@ def test_flights_return_one_less_half_their_relative_length() -> None:
     assert terminated
     assert info["is_success"]
     assert info["path_length"] > OPEN.distance
-    assert actions_return == pytest.approx(1.0 - info["path_length"] / (2.0 * OPEN.distance))
+    excess = info["path_length"] / OPEN.distance - 1.0
+    assert actions_return == pytest.approx(1.0 - detour * excess)
 
 
 @given(seed=st.integers(0, 10_000), spread=st.sampled_from([0.05, 0.2, 1.0]))
 @settings(deadline=None, max_examples=60, derandomize=True)
-def test_every_failure_returns_at_most_minus_one_half(seed: int, spread: float) -> None:
-    env = ObstacleField(suite="sparse")
+def test_returns_are_what_the_formula_says(seed: int, spread: float) -> None:
+    env = ObstacleField(suite="sparse", detour=0.7, failure=0.4)
     env.reset(seed=seed)
     stream = np.random.default_rng(seed)
     actions = [stream.uniform(-spread, spread, 4).astype(np.float32) for _ in range(40)]
     total, _, _, info = fly(env, actions)
-    if info["is_success"]:
-        assert total == pytest.approx(1.0 - info["path_length"] / (2.0 * env.field.distance))
-    else:
-        assert total <= -0.5
+    distance = env.field.distance
+    progress = distance - np.linalg.norm(env.field.goal - env.state.position)
+    expected = (progress - 0.7 * (info["path_length"] - progress)) / distance
+    assert total == pytest.approx(expected - (0.0 if info["is_success"] else 0.4), abs=1e-9)
+    assert info["is_success"] == (progress == distance)
 
 
 @given(seed=st.integers(0, 10_000))
@@ -165,17 +166,19 @@ def test_the_observation_turns_with_the_vehicle() -> None:
     )
     env = ObstacleField(nearest=4)
     seen, _ = env.reset(options={"field": ahead})
+    speed = np.arcsinh(6.6 / 66.0 * np.sinh(4.0)) / 4.0
     np.testing.assert_allclose(
-        seen["vehicle"], [-1 / 3, -1 / 3, 1.0, 0.0, 0.1, 1.0], rtol=1e-6, atol=1e-7
+        seen["vehicle"], [-1 / 3, -1 / 3, 1.0, 0.0, speed, 1.0], rtol=1e-6, atol=1e-7
     )
     np.testing.assert_allclose(
         seen["goal"], [50 / (120 * np.sqrt(2)), 1.0, 0.0], rtol=1e-6, atol=1e-7
     )
+    rows = seen["obstacles"].reshape(4, 4)
     np.testing.assert_allclose(
-        seen["obstacles"][:2] * 45.0, [[20, 0, 4, 16], [0, 20, 2, 18]], rtol=1e-6, atol=1e-5
+        rows[:2] * 30.0, [[20, 0, 4, 16], [0, 20, 2, 18]], rtol=1e-6, atol=1e-5
     )
     np.testing.assert_array_equal(seen["mask"], [1.0, 1.0, 0.0, 0.0])
-    assert not seen["obstacles"][2:].any()
+    assert not rows[2:].any()
 
 
 @pytest.mark.parametrize(
@@ -223,7 +226,7 @@ def test_the_last_segment_truncates_and_counts_as_failure() -> None:
     assert info["outcome"] == Outcome.OUT_OF_SEGMENTS.code
     assert not info["is_success"]
     assert info["segments"] == 40
-    assert total < -0.5
+    assert total == pytest.approx(128.0 / OPEN.distance - 1.0)
 
 
 @pytest.mark.parametrize(
@@ -249,7 +252,7 @@ def test_a_bad_action_is_refused_and_the_flight_goes_on(action: np.ndarray, mess
     [
         ({"suite": "jungle"}, "unknown suite 'jungle'; suites are standard, sparse"),
         ({"split": "exam"}, "unknown split 'exam'; splits are train, validation, test"),
-        ({"nearest": 0}, "nearest >= 1 obstacles, got 0"),
+        ({"nearest": 0}, "needs nearest >= 1, got 0"),
         ({"render_mode": "ascii"}, "unknown render mode 'ascii'; modes are human, rgb_array"),
     ],
 )

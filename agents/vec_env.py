@@ -1,0 +1,139 @@
+"""The vector environment as Stable-Baselines3 wants it: a `VecEnv`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from ferguson_gym.environment import INFOS, as_actions
+from ferguson_gym.vector_environment import VectorObstacleField
+
+Seen = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+
+
+class ObstacleFieldVecEnv(VecEnv):
+    """N environments `ferguson/ObstacleField-v0` for Stable-Baselines3, stepped by compiled code.
+
+    As a `DummyVecEnv` of scalar environments with the same seeds, number for number. A flight
+    that ends is followed by the next at once: the last observation is
+    `infos[i]["terminal_observation"]`, and `infos[i]["TimeLimit.truncated"]` says whether
+    it was cut off after the last segment rather than ended.
+
+    Args:
+        num_envs: N.
+        flat: observations as one vector, in the order of `gymnasium.spaces.flatten`, instead
+            of a dictionary.
+        arguments: of the environment.
+
+    Raises:
+        ValueError, TypeError: as the vector environment.
+    """
+
+    def __init__(self, num_envs: int, *, flat: bool = False, **arguments: Any) -> None:
+        self.envs = VectorObstacleField(
+            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments
+        )
+        self._flat = flat
+        self.render_mode = self.envs.render_mode
+        single = self.envs.single_observation_space
+        self._keys = list(single.spaces) if isinstance(single, spaces.Dict) else []
+        super().__init__(
+            num_envs,
+            spaces.flatten_space(single) if flat else single,
+            self.envs.single_action_space,
+        )
+
+    def reset(self) -> Seen:
+        """Start all flights; seeds set by `seed` are used up by it."""
+        seeds = [None if seed is None else int(seed) for seed in self._seeds]
+        known = any(seed is not None for seed in seeds)
+        observation, infos = self.envs.reset(seed=seeds if known else None)
+        self._reset_seeds()
+        self._reset_options()
+        self.reset_infos = [
+            {key: infos[key][i].item() for key in INFOS} for i in range(self.num_envs)
+        ]
+        return self._laid_out(observation)
+
+    def step_async(self, actions: NDArray[np.floating[Any]]) -> None:
+        """Keep the actions (N, 4) for `step_wait`."""
+        self._actions = as_actions(actions, (self.num_envs, 4))
+
+    def step_wait(
+        self,
+    ) -> tuple[Seen, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Fly one segment in each environment."""
+        seen, reward, terminated, truncated, infos = self.envs.step(self._actions)
+        done = terminated | truncated
+        # what a flight that ended reported, not the flight that took its place
+        columns = [infos[key] for key in INFOS]
+        if done.any():
+            final = infos["final_info"]
+            columns = [
+                np.where(done, final[key], column)
+                for key, column in zip(INFOS, columns, strict=True)
+            ]
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        reports: list[dict[str, Any]] = [dict(zip(INFOS, row, strict=True)) for row in rows]
+        for report in reports:
+            report["TimeLimit.truncated"] = False
+        for i in np.flatnonzero(done).tolist():
+            report = reports[i]
+            report["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
+            last = {key: value[None] for key, value in infos["final_obs"][i].items()}
+            laid = self._laid_out(last)
+            report["terminal_observation"] = (
+                laid[0]
+                if isinstance(laid, np.ndarray)
+                else {key: value[0] for key, value in laid.items()}
+            )
+        return self._laid_out(seen), reward.astype(np.float32), done, reports
+
+    def _laid_out(self, observation: dict[str, NDArray[np.float32]]) -> Seen:
+        if not self._flat:
+            return observation
+        return np.concatenate([observation[key] for key in self._keys], axis=1)
+
+    def close(self) -> None:
+        """Let go of what pictures need."""
+        self.envs.close()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """An image of each flight, in render mode rgb_array."""
+        return list(self.envs.render() or [])
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """An attribute, the same for all environments; their fields and states each its own."""
+        chosen = list(self._get_indices(indices))
+        if attr_name in ("field", "state", "control", "refused"):
+            return [getattr(self.envs, attr_name)(i) for i in chosen]
+        return [getattr(self.envs, attr_name)] * len(chosen)
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused: what environments are made with stays as it is.
+
+        Raises:
+            AttributeError: always.
+        """
+        raise AttributeError(f"{attr_name} cannot be set: make a new {type(self).__name__}")
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Call a method (`field`, `state`, `control` or `refused`) for environments."""
+        method = getattr(self.envs, method_name)
+        return [method(i, *method_args, **method_kwargs) for i in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
+        """Nothing is wrapped around single environments: there are none."""
+        return [False] * len(list(self._get_indices(indices)))
+
+    def _get_indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
+        chosen: Iterable[int] = super()._get_indices(indices)
+        return chosen

@@ -1,0 +1,183 @@
+"""Vehicles under one set of settings: what the scalar and the vector environment share."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym import batch
+from ferguson_gym.actions import Action, check_action
+from ferguson_gym.arrays import Array
+from ferguson_gym.bank import Bank
+from ferguson_gym.batch import Flags, Report
+from ferguson_gym.crew import PATIENCE, Crew, new_counters
+from ferguson_gym.fields import Field
+from ferguson_gym.flight import FLOWN, State
+from ferguson_gym.observations import Sight, empty_sight
+from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import Settings
+
+BLOCK = 64
+"""Seeds of later resets that are drawn at a time."""
+MANY = 64
+"""From this many vehicles on, threads share the work."""
+
+NOT_STARTED = -1
+"""In place of an outcome, before the first reset."""
+
+
+class Fleet:
+    """N vehicles, each in a field of its own.
+
+    The bank holds a slot for each vehicle, for fields that were asked for, and behind them
+    one for each of the `settings.fields` seeds that later resets draw from; those are filled
+    when they are first drawn.
+    """
+
+    def __init__(self, settings: Settings, number: int, mode: int) -> None:
+        self.settings, self.number = settings, number
+        self._bank = Bank(number + settings.fields, settings.most)
+        flights = batch.new_flights(number, settings.segments, BLOCK)
+        flights.outcome[:] = NOT_STARTED
+        entries = settings.shapes
+        self._job = batch.Job(
+            flights=flights,
+            world=self._bank.world,
+            actions=np.zeros((number, 4), np.float32),
+            limits=settings.limits.numbers(),
+            prices=settings.prices,
+            focus=float(settings.focus),
+            mode=mode,
+            sight=empty_sight(entries, number),
+            report=batch.new_report(number),
+            last_sight=empty_sight(entries, number),
+            last_report=batch.new_report(number),
+        )
+        self._given: list[Field | None] = [None] * number
+        self._counters = new_counters()
+        self._crew: Crew | None = None
+
+    @property
+    def outcome(self) -> NDArray[np.int64]:
+        """(N,) NOT_STARTED, or codes of outcomes; a flight that goes on has FLYING."""
+        return self._job.flights.outcome
+
+    def make_room(self, field: Field) -> None:
+        """Let fields have as many obstacles as this one."""
+        self._bank.grow(len(field.obstacles))
+        self._job = self._job._replace(world=self._bank.world)
+
+    def begin(
+        self,
+        chosen: Flags,
+        fields: Sequence[Field | int | None],
+        streams: Sequence[np.random.Generator],
+        renewed: Flags,
+    ) -> None:
+        """Start flights; `sight` and `report` are of all vehicles.
+
+        Args:
+            chosen: (N,) vehicles that start.
+            fields: for each a field, the seed of one, or None: the next of its stream.
+            streams: (N,) from which the seeds of later fields are drawn.
+            renewed: (N,) streams that began anew, so that what they gave before is void.
+
+        Raises:
+            TypeError, ValueError: as `Bank.check`; then nothing has changed.
+        """
+        flights, which = self._job.flights, np.flatnonzero(chosen).tolist()
+        laid = {}
+        for i in which:
+            if (field := fields[i]) is not None:
+                laid[i] = field if isinstance(field, Field) else self.settings.field(field)
+                self._bank.check(laid[i])
+        flights.next[renewed] = BLOCK
+        self.draw_ahead(streams)
+        for i in which:
+            if i in laid:
+                self._bank.put(i, laid[i])
+                self._given[i], flights.slot[i] = laid[i], i
+            else:
+                flights.slot[i] = flights.queue[i, flights.next[i]]
+                flights.next[i] += 1
+        batch.begin(self._job, chosen)
+        self.draw_ahead(streams)
+
+    def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
+        """Fly one action (4,) of each vehicle.
+
+        Raises:
+            ValueError: actions that are not finite or outside [-1, 1].
+        """
+        if (bad := batch.first_bad(actions)) >= 0:
+            where = f" (environment {bad})" if self.number > 1 else ""
+            check_action(actions[bad], where)
+        self._job.actions[:] = actions
+        if self.number >= MANY:
+            if self._crew is None:
+                self._crew = self._hire()
+            self._crew.call()
+        batch.advance(self._job, self._counters)
+        if self._job.mode != batch.DISABLED:
+            self.draw_ahead(streams)
+
+    def _hire(self) -> Crew:
+        # the threads must not keep the fleet alive
+        job, counters = self._job, self._counters
+        threads = min(numba.get_num_threads(), self.number // batch.CHUNK)
+        return Crew(lambda: batch.help_out(job, counters, PATIENCE), threads - 1)
+
+    def draw_ahead(self, streams: Sequence[np.random.Generator]) -> None:
+        """Draw a block of seeds for each vehicle that has used up its own."""
+        flights = self._job.flights
+        for i in np.flatnonzero(flights.next == BLOCK).tolist():
+            slots = self.number + streams[i].integers(self.settings.fields, size=BLOCK)
+            for slot in slots[~self._bank.held[slots]].tolist():
+                if not self._bank.held[slot]:
+                    self._bank.put_discs(slot, self.settings.discs(slot - self.number))
+            flights.queue[i], flights.next[i] = slots, 0
+
+    @property
+    def sight(self) -> Sight:
+        """What is seen now; the next step writes over it."""
+        return self._job.sight
+
+    @property
+    def report(self) -> Report:
+        """What the last step or reset reported; the next writes over it."""
+        return self._job.report
+
+    @property
+    def last(self) -> tuple[Sight, Report]:
+        """In SAME_STEP, what flights saw and reported that ended in the last step."""
+        return self._job.last_sight, self._job.last_report
+
+    def field(self, i: int) -> Field:
+        """The field that a vehicle flies in."""
+        slot = int(self._job.flights.slot[i])
+        given = self._given[slot] if slot < self.number else None
+        return given or self.settings.field(slot - self.number)
+
+    def state(self, i: int) -> State:
+        """A vehicle's state, exactly."""
+        flights = self._job.flights
+        return State(
+            flights.position[i].copy(), flights.derivative[i].copy(), int(flights.segments[i])
+        )
+
+    def control(self, i: int) -> Array:
+        """Segments (n, 4, 2) that a vehicle has flown."""
+        return self._job.flights.paths[i, : self._job.flights.segments[i]].copy()
+
+    def refused(self, i: int) -> Array | None:
+        """The segment (4, 2) that ended a flight without being flown, if one did."""
+        flights = self._job.flights
+        if flights.outcome[i] == NOT_STARTED:
+            return None
+        if Outcome.from_code(int(flights.outcome[i])) in FLOWN:
+            return None
+        control: Array = flights.paths[i, flights.segments[i]].copy()
+        return control

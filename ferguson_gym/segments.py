@@ -1,0 +1,325 @@
+"""Certified questions about one segment at a time, compiled: clearance, speed, room.
+
+The searches are those of `ferguson_gym.bernstein`; here segments become Bézier curves, cheap
+bounds spare most searches, and outward margins cover rounding.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym.arc_length import DEPTH as PIECES
+from ferguson_gym.arrays import Array
+from ferguson_gym.bernstein import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
+from ferguson_gym.compilation import compiled
+from ferguson_gym.crew import borrowed
+from ferguson_gym.splines import coordinate_extent
+
+_MARGIN = 2e-10
+"""Outward margin, part of the scale; covers the search (1e-10) and its rounding."""
+_GRAIN = 1e-15
+"""Outward margin, part of the largest coordinate; covers forming X(t) - c."""
+_ROUNDING = 1e-13
+"""Outward margin of the room inside bounds, part of the largest number in the control array."""
+
+
+class Scratch(NamedTuple):
+    """Memory that questions about a segment work in."""
+
+    axes: Rows
+    chord: Array
+    work: Array
+    points: Array
+    stack: Array
+    spans: Array
+    coefficients: Array
+    pieces: Array
+
+
+@compiled
+def make_scratch(axes: Rows, discs: int) -> Scratch:
+    """Memory for segments in D dimensions, axes (0, ..., D - 1), among this many discs."""
+    dimension = len(axes)
+    return Scratch(
+        axes,
+        np.empty((2, dimension)),
+        np.empty((3, discs)),
+        np.empty((4, dimension)),
+        np.empty((DEPTH, 4, dimension)),
+        np.empty((DEPTH, 2)),
+        np.empty((2, 7)),
+        np.empty((PIECES, 3, dimension)),
+    )
+
+
+@compiled
+def borrowed_scratch(scratch: Scratch) -> Scratch:
+    """The same memory, without its owner; see `ferguson_gym.crew.borrowed`."""
+    return Scratch(
+        scratch.axes,
+        borrowed(scratch.chord),
+        borrowed(scratch.work),
+        borrowed(scratch.points),
+        borrowed(scratch.stack),
+        borrowed(scratch.spans),
+        borrowed(scratch.coefficients),
+        borrowed(scratch.pieces),
+    )
+
+
+@compiled
+def _margin(scale: float, largest: float) -> float:
+    return _MARGIN * scale + _GRAIN * largest
+
+
+@compiled
+def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
+    """Fill Bézier points of X - c; return the outward margin of their distances."""
+    points, axes = scratch.points, scratch.axes
+    largest = 0.0
+    for d in range(len(axes)):
+        start, end, center = control[0, d], control[1, d], columns[d, k]
+        leave, arrive = control[2, d] / 3.0, control[3, d] / 3.0
+        points[0, d] = start - center
+        points[1, d] = start - center + leave
+        points[2, d] = end - center - arrive
+        points[3, d] = end - center
+        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive), abs(center))
+    return _margin(_largest_norm(points, CUBIC, axes), largest)
+
+
+@compiled
+def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
+    largest2 = 0.0
+    for i in range(len(rows)):
+        norm2 = 0.0
+        for d in range(len(axes)):
+            norm2 += points[i, d] * points[i, d]
+        largest2 = max(largest2, norm2)
+    return float(np.sqrt(largest2))
+
+
+@compiled
+def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
+    """Least component of Bézier points along their sum; no point of the curve has less."""
+    total2 = 0.0
+    for d in range(len(axes)):
+        total = 0.0
+        for j in range(len(rows)):
+            total += points[j, d]
+        total2 += total * total
+    least = np.inf
+    for i in range(len(rows)):
+        along = 0.0
+        for d in range(len(axes)):
+            total = 0.0
+            for j in range(len(rows)):
+                total += points[j, d]
+            along += points[i, d] * total
+        least = min(least, along)
+    return float(least / np.sqrt(total2)) if total2 > 0.0 else 0.0
+
+
+@compiled
+def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
+    """Fill start and extent of a segment's chord; return its square and the curve's deviation.
+
+    Each point of the curve is B0 P0 + B1 P1 + B2 P2 + B3 P3 with Bernstein weights; taking
+    the inner Bézier points to the nearest points of the chord gives a point of the chord, and
+    moves it by at most B1 + B2 <= 3/4 of the larger of their distances.
+    """
+    chord, axes = scratch.chord, scratch.axes
+    square = 0.0
+    for d in range(len(axes)):
+        chord[0, d], chord[1, d] = control[0, d], control[1, d] - control[0, d]
+        square += chord[1, d] * chord[1, d]
+    deviation2 = 0.0
+    for row in range(2):
+        along = 0.0
+        for d in range(len(axes)):
+            third = control[2 + row, d] / 3.0
+            along += (third if row == 0 else chord[1, d] - third) * chord[1, d]
+        share = min(max(along / square, 0.0), 1.0) if square > 0.0 else 0.0
+        off2 = 0.0
+        for d in range(len(axes)):
+            third = control[2 + row, d] / 3.0
+            off = (third if row == 0 else chord[1, d] - third) - share * chord[1, d]
+            off2 += off * off
+        deviation2 = max(deviation2, off2)
+    return square, 0.75 * float(np.sqrt(deviation2))
+
+
+@compiled
+def _bounds(columns: Array, radii: Array, square: float, reach: float, scratch: Scratch) -> int:
+    """Fill work[0] with lower bounds of the distances to discs; return where it is least."""
+    chord, axes, bounds = scratch.chord, scratch.axes, scratch.work[0]
+    inverse = 1.0 / square if square > 0.0 else 0.0
+    for k in range(len(radii)):  # without branches: it becomes vector instructions
+        along = 0.0
+        for d in range(len(axes)):
+            along += (columns[d, k] - chord[0, d]) * chord[1, d]
+        share = along * inverse
+        share = share if share > 0.0 else 0.0
+        share = share if share < 1.0 else 1.0
+        off2 = 0.0
+        for d in range(len(axes)):
+            off = columns[d, k] - chord[0, d] - share * chord[1, d]
+            off2 += off * off
+        # the distance's own share of the outward margin is taken off, the rest is in reach
+        bounds[k] = np.sqrt(off2) * (1.0 - 4.0 * _MARGIN) - radii[k] - reach
+    least = 0
+    for k in range(1, len(radii)):
+        if bounds[k] < bounds[least]:
+            least = k
+    return least
+
+
+@compiled
+def segment_clearance(
+    control: Array, columns: Array, radii: Array, below: float, scratch: Scratch
+) -> float:
+    """Clearance of one segment (4, D) from its nearest disc, or `below` if that is less.
+
+    Args:
+        control: (4, D) segment.
+        columns: (D, n) centres of the discs.
+        radii: (n,); a disc with a radius of minus infinity is none.
+        below: what is not below this need not be found.
+        scratch: for n discs or more.
+    """
+    best = below
+    if len(radii) == 0:
+        return best
+    square, deviation = _chord(control, scratch)
+    largest = 0.0
+    for i in range(4):
+        for d in range(len(scratch.axes)):
+            largest = max(largest, abs(control[i, d]))
+    around = deviation + float(np.sqrt(square))
+    reach = deviation + 4.0 * _margin(around, largest + around)
+    # first the disc that seems nearest: what it leaves rules out most others unseen
+    bounds = scratch.work[0]
+    nearest = _bounds(columns, radii, square, reach, scratch)
+    if not bounds[nearest] < best:
+        return best
+    best = _nearer(control, columns, radii, nearest, best, scratch)
+    for k in range(len(radii)):
+        if bounds[k] < best and k != nearest:
+            best = _nearer(control, columns, radii, k, best, scratch)
+    return best
+
+
+@compiled
+def _nearer(
+    control: Array, columns: Array, radii: Array, k: int, best: float, scratch: Scratch
+) -> float:
+    """The lesser of `best` and the clearance from disc k."""
+    margin = _shift(control, columns, k, scratch)
+    enough = best + margin + radii[k]
+    if enough <= 0.0 or _least_ahead(scratch.points, CUBIC, scratch.axes) >= enough + margin:
+        return best
+    norm, _ = least_norm(
+        scratch.points,
+        enough,
+        CUBIC,
+        scratch.axes,
+        scratch.stack,
+        scratch.spans,
+        scratch.coefficients,
+    )
+    clearance: float = norm - margin - radii[k]
+    return min(best, clearance)
+
+
+@compiled
+def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[float, float]:
+    """Least speed of one segment (4, D) and its parameter; at least `enough` is proof enough."""
+    points, axes = scratch.points, scratch.axes
+    largest = 0.0
+    for d in range(len(axes)):
+        start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
+        points[0, d], points[2, d] = leave, arrive
+        points[1, d] = 3.0 * (end - start) - leave - arrive
+        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
+    margin = _margin(_largest_norm(points, QUADRATIC, axes), 8.0 * largest)
+    ahead = _least_ahead(points, QUADRATIC, axes)
+    if ahead >= enough + 2.0 * margin:
+        return ahead - margin, 0.0
+    norm, where = least_norm(
+        points,
+        enough + margin,
+        QUADRATIC,
+        axes,
+        scratch.stack,
+        scratch.spans,
+        scratch.coefficients,
+    )
+    return max(0.0, norm - margin), where
+
+
+@compiled
+def segment_room(control: Array, bounds: Array) -> float:
+    """Least distance of one segment (4, D) inside the bounds (2, D) [m]."""
+    room = np.inf
+    largest = 0.0
+    for d in range(control.shape[1]):
+        start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
+        low, high = coordinate_extent(start, end, leave, arrive)
+        room = min(room, low - bounds[0, d], bounds[1, d] - high)
+        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
+    return room - _ROUNDING * largest
+
+
+@compiled
+def closest(control: Array, centers: Array, radii: Array, axes: Rows) -> tuple[Array, Array]:
+    """Clearance (segments, discs) and parameter; see `ferguson_gym.clearance.closest`."""
+    segments, discs = len(control), len(radii)
+    clear, where = np.empty((segments, discs)), np.empty((segments, discs))
+    columns = np.ascontiguousarray(centers.T)
+    scratch = make_scratch(axes, 0)
+    for s in range(segments):
+        for k in range(discs):
+            margin = _shift(control[s], columns, k, scratch)
+            norm, where[s, k] = least_norm(
+                scratch.points,
+                np.inf,
+                CUBIC,
+                axes,
+                scratch.stack,
+                scratch.spans,
+                scratch.coefficients,
+            )
+            clear[s, k] = norm - margin - radii[k]
+    return clear, where
+
+
+@compiled
+def clearance(control: Array, centers: Array, radii: Array, below: float, axes: Rows) -> Array:
+    """Clearance (segments,) from the nearest disc, or `below` if that is less."""
+    result = np.empty(len(control))
+    columns = np.ascontiguousarray(centers.T)
+    scratch = make_scratch(axes, len(radii))
+    for s in range(len(control)):
+        result[s] = segment_clearance(control[s], columns, radii, below, scratch)
+    return result
+
+
+@compiled
+def least_speed(control: Array, axes: Rows) -> tuple[Array, Array]:
+    """Least speed (segments,) and its parameter; see `ferguson_gym.clearance`."""
+    speed, where = np.empty(len(control)), np.empty(len(control))
+    scratch = make_scratch(axes, 0)
+    for s in range(len(control)):
+        speed[s], where[s] = segment_speed(control[s], np.inf, scratch)
+    return speed, where
+
+
+@compiled
+def rooms(control: Array, bounds: Array) -> Array:
+    """Least distance inside the bounds (segments,)."""
+    result = np.empty(len(control))
+    for s in range(len(control)):
+        result[s] = segment_room(control[s], bounds)
+    return result

@@ -1,0 +1,118 @@
+"""What the environments are made with, checked in one place."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.observations import KINDS, shapes
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.rewards import Prices
+from ferguson_gym.suites import (
+    LAST_SEED,
+    SUITES,
+    Recipe,
+    Scattered,
+    altered,
+    check_suite,
+    suite_discs,
+)
+
+MOST_IN_TRAPS = 117
+"""Five pockets of at most 21 discs, and 12 single ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Arguments of the environment `ferguson/ObstacleField-v0`; its docstring explains them.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message says which would.
+    """
+
+    suite: str = "standard"
+    split: str = "train"
+    fields: int = 10_000
+    obstacles: int | None = None
+    radii: Sequence[float] | None = None
+    gate: float = PAPER_LIMITS.gate
+    segments: int = PAPER_LIMITS.segments
+    observation: str = "discs"
+    nearest: int = 12
+    focus: float = 0.0
+    rays: int = 32
+    detour: float = 1.0
+    failure: float = 1.0
+    capacity: int | None = None
+
+    def __post_init__(self) -> None:
+        check_suite(self.suite, self.split)
+        if not 1 <= self.fields <= LAST_SEED:
+            raise ValueError(f"resets need fields >= 1 to draw from, got {self.fields}")
+        if self.radii is not None and len(self.radii) != 2:
+            raise ValueError(f"radii are (least, greatest), got {self.radii!r}")
+        if self.observation not in KINDS:
+            raise ValueError(
+                f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
+            )
+        for name in ("nearest", "rays"):
+            if (number := getattr(self, name)) < 1:
+                raise ValueError(f"an observation needs {name} >= 1, got {number}")
+        if not 0.0 <= self.focus <= 30.0:
+            raise ValueError(f"focus lies between 0 and 30 m ahead, got {self.focus}")
+        for name in ("detour", "failure"):
+            if not 0.0 <= (price := getattr(self, name)) <= 100.0:
+                raise ValueError(f"the price {name} lies between 0 and 100, got {price}")
+        if self.capacity is not None and self.capacity < self._most():
+            raise ValueError(
+                f"the suite's fields have up to {self._most()} obstacles, "
+                f"more than capacity={self.capacity}"
+            )
+        _ = self.limits, self.recipe  # they refuse what they cannot be made of
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of a flight."""
+        return replace(PAPER_LIMITS, gate=float(self.gate), segments=int(self.segments))
+
+    @property
+    def prices(self) -> Prices:
+        """Prices in the reward."""
+        return Prices(float(self.detour), float(self.failure))
+
+    @property
+    def recipe(self) -> Recipe:
+        """Draws the discs of a field."""
+        if self.obstacles is None and self.radii is None:
+            return SUITES[self.suite]
+        radii = None if self.radii is None else (self.radii[0], self.radii[1])
+        return altered(self.suite, self.obstacles, radii)
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """Shape of each entry of an observation."""
+        return shapes(self.observation, self.nearest, self.rays)
+
+    @property
+    def most(self) -> int:
+        """Obstacles that a field may have."""
+        return self._most() if self.capacity is None else self.capacity
+
+    def _most(self) -> int:
+        recipe = self.recipe
+        return sum(recipe.designs) if isinstance(recipe, Scattered) else MOST_IN_TRAPS
+
+    def discs(self, seed: int) -> Discs:
+        """The discs of a seed's field."""
+        return suite_discs(self.suite, self.split, seed, self.recipe)
+
+    def field(self, seed: int) -> Field:
+        """The field of a seed; one that is not the suite's own says what was altered."""
+        name = f"{self.suite}/{self.split}:{seed}"
+        if self.obstacles is not None:
+            name += f", {self.obstacles} obstacles"
+        if self.radii is not None:
+            name += f", radii {self.radii[0]:g} to {self.radii[1]:g} m"
+        return Field(name=name, obstacles=self.discs(seed))

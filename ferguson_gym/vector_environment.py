@@ -1,0 +1,278 @@
+"""Many flights at once: the native vector environment of `ferguson/ObstacleField-v0`."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from ferguson_gym import batch
+from ferguson_gym.actions import Action
+from ferguson_gym.arrays import Array
+from ferguson_gym.batch import Flags, Report
+from ferguson_gym.environment import (
+    INFOS,
+    action_space,
+    as_actions,
+    as_field,
+    chosen_field,
+    observation_space,
+    settings_of,
+)
+from ferguson_gym.fields import Field
+from ferguson_gym.fleet import NOT_STARTED, Fleet
+from ferguson_gym.flight import State
+from ferguson_gym.observations import Observation, Sight
+from ferguson_gym.outcome import Outcome
+
+_MODES = {
+    AutoresetMode.DISABLED: batch.DISABLED,
+    AutoresetMode.NEXT_STEP: batch.NEXT_STEP,
+    AutoresetMode.SAME_STEP: batch.SAME_STEP,
+}
+
+
+class VectorObstacleField(VectorEnv[Observation, Action, Array]):
+    """N independent environments `ferguson/ObstacleField-v0`, stepped together by compiled code.
+
+    Each is, step for step and number for number, the scalar environment
+    (`ferguson_gym.environment.ObstacleField`, which specifies observations, actions and
+    reward) with the same seed; nothing depends on N or on the number of threads.
+
+    ```python
+    envs = gym.make_vec("ferguson/ObstacleField-v0", num_envs=256)
+    ```
+
+    ## Autoreset
+    `autoreset_mode`: an `AutoresetMode` or its value. "NextStep" (the default): the step after
+    a flight's last resets it, ignores the action and has reward 0. "SameStep": the last step
+    resets it and returns the new flight's observation; `info["final_obs"]` and
+    `info["final_info"]` hold the ended one's. "Disabled": `reset(options={"reset_mask": mask})`
+    resets those that are chosen, and a step while any flight is over is an error.
+
+    ## Seeds and fields
+    `reset(seed=s)` gives environment i the seed s + i, `reset(seed=[...])` each its own (None
+    for one that goes on drawing); `options={"field": ...}` takes a field or its name for all,
+    or a list of N of them, None where one is to be drawn.
+
+    ## Info
+    The scalar environment's keys as arrays (N,), each with a mask `_key` of what it holds.
+
+    Raises:
+        ValueError: as the scalar environment; no environments; an unknown autoreset mode.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 (Gymnasium declares it so)
+        "render_modes": ["rgb_array"],
+        "render_fps": 4,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        render_mode: str | None = None,
+        **arguments: Any,
+    ) -> None:
+        self.settings = settings_of(arguments)
+        if num_envs < 1:
+            raise ValueError(f"need num_envs >= 1, got {num_envs}")
+        if render_mode not in (None, "rgb_array"):
+            raise ValueError(
+                f"unknown render mode {render_mode!r}; many environments know rgb_array only"
+            )
+        try:
+            self.autoreset_mode = AutoresetMode(autoreset_mode)
+        except ValueError:
+            modes = ", ".join(mode.value for mode in AutoresetMode)
+            raise ValueError(
+                f"unknown autoreset mode {autoreset_mode!r}; modes are {modes}"
+            ) from None
+        self.num_envs, self.render_mode = num_envs, render_mode
+        self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_action_space = action_space()
+        self.single_observation_space = observation_space(self.settings)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._fleet = Fleet(self.settings, num_envs, _MODES[self.autoreset_mode])
+        self._keys = tuple(self.settings.shapes)
+        self._all = np.ones(num_envs, np.bool_)
+        self._streams: list[np.random.Generator] = []
+        self._seeds: list[int] = []
+        self._viewer: Any = None
+
+    @property  # type: ignore[misc]
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Each environment's own source of randomness."""
+        return tuple(self._streams)
+
+    @property
+    def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
+        """What each source was seeded with."""
+        return tuple(self._seeds)
+
+    def field(self, index: int) -> Field:
+        """The field that an environment flies."""
+        return self._fleet.field(index)
+
+    def state(self, index: int) -> State:
+        """An environment's vehicle, exactly; observations are rounded and clipped."""
+        return self._fleet.state(index)
+
+    def control(self, index: int) -> Array:
+        """Segments (n, 4, 2) that an environment's flight has flown."""
+        return self._fleet.control(index)
+
+    def refused(self, index: int) -> Array | None:
+        """The segment (4, 2) that ended an environment's flight without being flown."""
+        return self._fleet.refused(index)
+
+    def reset(
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[Observation, dict[str, Any]]:
+        """Start flights, all or those of `options["reset_mask"]`.
+
+        Raises:
+            ValueError: lists of another length than N, unknown options, a mask that is none
+                or chooses nothing, a field that is none or has too many obstacles.
+        """
+        options = dict(options or {})
+        chosen = self._mask(options.pop("reset_mask", None))
+        fields = self._fields(chosen_field(options))
+        seeds = self._seeds_of(seed)
+        if not chosen.all() and (self._fleet.outcome[~chosen] == NOT_STARTED).any():
+            raise ValueError("the first reset starts every environment: leave reset_mask out")
+        renewed = chosen & np.array([one is not None for one in seeds])
+        streams, drawn_from = list(self._streams), list(self._seeds)
+        if not streams:
+            streams, drawn_from = [np.random.default_rng(0)] * self.num_envs, [0] * self.num_envs
+            renewed = np.ones(self.num_envs, np.bool_)
+        for i in np.flatnonzero(renewed).tolist():
+            streams[i], drawn_from[i] = seeding.np_random(seeds[i])
+        asked = [
+            given if given is not None else one for given, one in zip(fields, seeds, strict=True)
+        ]
+        self._fleet.begin(chosen, asked, streams, renewed)
+        self._streams, self._seeds = streams, drawn_from
+        return self._seen(self._fleet.sight), self._infos(self._fleet.report, chosen)
+
+    def _mask(self, mask: object) -> Flags:
+        if mask is None:
+            return np.ones(self.num_envs, np.bool_)
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise ValueError("options['reset_mask'] must be a NumPy array of bool")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(
+                f"options['reset_mask'] must have shape ({self.num_envs},), got {mask.shape}"
+            )
+        if not mask.any():
+            raise ValueError("options['reset_mask'] chooses no environment")
+        return mask
+
+    def _fields(self, given: Any) -> list[Field | None]:
+        if isinstance(given, (list, tuple)):
+            if len(given) != self.num_envs:
+                raise ValueError(
+                    f"options['field'] must be one field or {self.num_envs}, got {len(given)}"
+                )
+            return [None if one is None else as_field(one) for one in given]
+        return [None if given is None else as_field(given)] * self.num_envs
+
+    def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, (int, np.integer)):
+            return [int(seed) + i for i in range(self.num_envs)]
+        if len(seed) != self.num_envs:
+            raise ValueError(f"need one seed or {self.num_envs}, got {len(seed)}")
+        return list(seed)
+
+    def step(  # type: ignore[override]
+        self, actions: Action
+    ) -> tuple[Observation, Array, Flags, Flags, dict[str, Any]]:
+        """Fly one segment in each environment, or reset it; see the class.
+
+        Args:
+            actions: (N, 4) in [-1, 1].
+
+        Raises:
+            ValueError: actions of another shape, not finite or outside [-1, 1].
+            RuntimeError: no reset yet; autoreset is disabled and a flight is over.
+        """
+        outcome = self._fleet.outcome
+        if not self._streams:
+            raise RuntimeError("no fields yet: call reset() first")
+        if self.autoreset_mode is AutoresetMode.DISABLED and outcome.any():
+            over = np.flatnonzero(outcome)
+            raise RuntimeError(
+                f"flights are over in environments {over[:10].tolist()}"
+                f"{' and others' if len(over) > 10 else ''}: "
+                "call reset(options={'reset_mask': mask}) for them first"
+            )
+        self._fleet.step(as_actions(actions, (self.num_envs, 4)), self._streams)
+        report = self._fleet.report
+        terminated, truncated = report.terminated.copy(), report.truncated.copy()
+        infos = self._infos(report, self._all)
+        if self.autoreset_mode is AutoresetMode.SAME_STEP:
+            ended = terminated | truncated
+            if ended.any():
+                infos |= self._final(*self._fleet.last, ended)
+        return self._seen(self._fleet.sight), report.reward.copy(), terminated, truncated, infos
+
+    def _seen(self, sight: Sight) -> Observation:
+        return {key: getattr(sight, key).copy() for key in self._keys}
+
+    def _infos(self, report: Report, known: Flags) -> dict[str, Any]:
+        infos: dict[str, Any] = {}
+        for key in INFOS:
+            infos[key], infos[f"_{key}"] = getattr(report, key).copy(), known.copy()
+        return infos
+
+    def _final(self, sight: Sight, report: Report, ended: Flags) -> dict[str, Any]:
+        seen = self._seen(sight)
+        observations = np.full(self.num_envs, None, dtype=object)
+        for i in np.flatnonzero(ended).tolist():
+            observations[i] = {key: value[i] for key, value in seen.items()}
+        return {
+            "final_obs": observations,
+            "_final_obs": ended.copy(),
+            "final_info": self._infos(report, ended),
+            "_final_info": ended.copy(),
+        }
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """An image (800, 800, 3) of each environment's flight."""
+        if self.render_mode is None:
+            gym.logger.warn(
+                "render() without a render mode; pass render_mode='rgb_array' to gym.make_vec()"
+            )
+            return None
+        if self._viewer is None:
+            from ferguson_gym.viewer import Viewer
+
+            self._viewer = Viewer("rgb_array")
+        return tuple(
+            self._viewer.draw(
+                self.field(i),
+                self.control(i),
+                self.refused(i),
+                Outcome.from_code(int(self._fleet.outcome[i])),
+            )
+            for i in range(self.num_envs)
+        )
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Let go of what pictures need."""
+        if self._viewer is not None:
+            self._viewer.close()
+            self._viewer = None
