@@ -15,10 +15,10 @@ from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
-from ferguson_gym.paper import exact_length
 from ferguson_gym.paths import Path
 from planners.catalog import multi_start
 from planners.interface import Decision, depart
+from planners.shortest import exact_length
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -55,7 +55,7 @@ class Flight:
 
     @property
     def exact_length(self) -> float | None:
-        """Length of the field's shortest path [m], where it is known."""
+        """Length of the field's shortest path [m]; None without one, or without plane discs."""
         return exact_length(self.field)
 
     @property

@@ -11,7 +11,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agents.flights import Flight
-from ferguson_gym.paper import TABLE_I
+from ferguson_gym.paper import TABLE_I, is_from_paper
 from planners.interface import Decision
 
 _NONE = "-"
@@ -78,7 +78,7 @@ def summary(flights: Sequence[Flight]) -> Table:
 
 def paper_table(flights: Sequence[Flight]) -> Table | None:
     """Flights through the paper's fields beside its Table I; None if there are none."""
-    known = [flight for flight in flights if flight.exact_length is not None]
+    known = [flight for flight in flights if is_from_paper(flight.field)]
     if not known:
         return None
     table = empty_table(

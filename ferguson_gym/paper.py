@@ -111,23 +111,15 @@ TABLE_I: dict[tuple[str, str], TableRow] = {
 }
 """The paper's Table I by planner and field."""
 
-EXACT_LENGTHS: dict[str, float] = {
-    "paper:1": 144.845765,
-    "paper:2": 144.338048,
-    "paper:3": 150.650512,
-    "paper:4": 142.959963,
-}
-"""Length [m] of the shortest path from start to goal through no open disc, to 1e-6 m."""
 
-
-def exact_length(field: Field) -> float | None:
-    """Length [m] of the shortest path through one of the paper's fields; else None."""
-    exact = EXACT_LENGTHS.get(field.name)
-    if exact is None or not isinstance(field.obstacles, Discs):
-        return None
-    own = paper_field(int(field.name.partition(":")[2]))
+def is_from_paper(field: Field) -> bool:
+    """Whether a field is the paper's of its name: a file may bear the name and hold another."""
+    family, _, number = field.name.partition(":")
+    known = family == "paper" and number in map(str, FIELDS)
+    if not known or not isinstance(field.obstacles, Discs):
+        return False
+    own = paper_field(int(number))
     assert isinstance(own.obstacles, Discs)
-    # a file may bear the name and hold another field
     pairs = (
         (field.obstacles.centers, own.obstacles.centers),
         (field.obstacles.radii, own.obstacles.radii),
@@ -135,4 +127,4 @@ def exact_length(field: Field) -> float | None:
         (field.goal, own.goal),
         (field.bounds, own.bounds),
     )
-    return exact if all(np.array_equal(given, paper) for given, paper in pairs) else None
+    return all(np.array_equal(given, paper) for given, paper in pairs)

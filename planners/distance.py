@@ -20,7 +20,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from planners.pieces import ShortestPath
-from planners.tangent_graph import Tracks, build, following, sweep
+from planners.tangent_graph import GOAL, Tracks, build, following, sweep
 from planners.tangents import Integers, Records, Scene, View, angle, is_clear, scene, tangent, view
 
 STRAIGHT, NOWHERE = -1, -2
@@ -191,11 +191,13 @@ class DistanceToGo:
         tracks = self.tracks
         turns: list[tuple[int, float, float]] = []
         track, at = way.track, way.at
-        while track != STRAIGHT:
-            node = tracks.leave[following(tracks, track, at)]
+        node = GOAL if track == STRAIGHT else following(tracks, track, at)
+        while node != GOAL:
+            node = tracks.leave[node]
             turns.append((track, at, at + sweep(at, tracks.angle[node])))
-            other = tracks.other[node]
-            track, at = (tracks.track[other], tracks.angle[other]) if other >= 0 else (STRAIGHT, 0.0)
+            node = tracks.other[node]
+            if node != GOAL:
+                track, at = tracks.track[node], tracks.angle[node]
         return self.trace((x, y), turns, way.distance)
 
     def trace(

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+import numpy as np
+
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.distance import DistanceToGo
@@ -20,8 +24,28 @@ def shortest_path(field: Field) -> ShortestPath | None:
 
 
 def exact_length(field: Field) -> float | None:
-    """Length of the shortest path [m]; None if there is none, or obstacles are no plane discs."""
-    if not isinstance(field.obstacles, Discs) or field.obstacles.dimension != 2:
+    """Length of the shortest path [m]; None if there is none, or obstacles are no plane discs.
+
+    It is found once for all fields of the same content, of which the last 4096 are remembered.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs) or discs.dimension != 2:
         return None
+    arrays = (discs.centers, discs.radii, field.start, field.goal, field.bounds)
+    # not the field itself: every flight that a worker process returns has a copy of its own
+    return _exact_length(*(array.tobytes() for array in arrays))
+
+
+@lru_cache(maxsize=4096)
+def _exact_length(
+    centers: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes
+) -> float | None:
+    field = Field(
+        name="known by its content",
+        obstacles=Discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
+        start=np.frombuffer(start),
+        goal=np.frombuffer(goal),
+        bounds=np.frombuffer(bounds).reshape(2, 2),
+    )
     path = shortest_path(field)
     return None if path is None else path.length

@@ -156,16 +156,18 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
         key[node] = at[node] - (SLACK if line[node] < 0.0 and other[node] >= 0 else 0.0)
     order = np.argsort(8.0 * track[:count] + key[:count])
     place_of = np.empty(count, dtype=np.int64)
-    place_of[order] = np.arange(count)
+    for k in range(count):
+        place_of[order[k]] = k
     other = other[order]
+    first = np.zeros(2 * n + 1, dtype=np.int64)
     for node in range(count):
+        first[track[node] + 1] += 1
         if other[node] >= 0:
             other[node] = place_of[other[node]]
-    track = track[order]
-    first = np.searchsorted(track, np.arange(2 * n + 1))
+    first = np.cumsum(first)
     return Tracks(
         first,
-        track,
+        track[order],
         key[order],
         at[order],
         other,

@@ -67,9 +67,11 @@ class View(NamedTuple):
 
 
 class Tangents(NamedTuple):
-    """Common tangents of discs that nothing blocks. Disc i with sense +1 is track 2 i, with
-    sense -1 track 2 i + 1; angles are measured in the track's sense, so they grow on the way.
-    Reversed, a tangent leads from track `arrive ^ 1` to `leave ^ 1` and angles change sign.
+    """Common tangents of discs that nothing blocks.
+
+    Disc i gone round in sense +1 is track 2 i, in sense -1 track 2 i + 1; angles are measured in
+    the track's sense, so they grow on the way. Reversed, a tangent leads from track `arrive ^ 1`
+    to `leave ^ 1`, and angles change sign.
     """
 
     leave: Integers
@@ -100,7 +102,8 @@ def scene(field: Field) -> tuple[Scene, Integers]:
     margin = MARGIN * float((high - low).max()) + 1e-14 * float(
         max(far.max(), np.abs(field.bounds).max())
     )
-    kept = _kept(discs.centers, discs.radii, low, high, margin)
+    order = np.argsort(-discs.radii, kind="stable")
+    kept = np.flatnonzero(_matters(discs.centers, discs.radii, order, low, high, margin))
     records = np.empty(len(kept), dtype=DISC)
     records["x"], records["y"] = discs.centers[kept].T
     records["radius"] = discs.radii[kept]
@@ -109,23 +112,24 @@ def scene(field: Field) -> tuple[Scene, Integers]:
 
 
 @compiled
-def _kept(centers: Array, radii: Array, low: Array, high: Array, margin: float) -> Integers:
-    kept = np.empty(len(radii), dtype=np.int64)
-    count = 0
-    for i in np.argsort(-radii):
+def _matters(
+    centers: Array, radii: Array, order: Integers, low: Array, high: Array, margin: float
+) -> NDArray[np.bool_]:
+    """Whether a disc reaches into the bounds and is within none that comes before it in order."""
+    matters = np.zeros(len(radii), dtype=np.bool_)
+    for place in range(len(order)):
+        i = order[place]
         x, y, radius = centers[i, 0], centers[i, 1], radii[i]
         beyond_x = max(low[0] - x, x - high[0], 0.0)
         beyond_y = max(low[1] - y, y - high[1], 0.0)
         keep = radius > margin and np.hypot(beyond_x, beyond_y) < radius
-        for k in kept[:count]:
+        for k in order[:place]:
             if not keep:
                 break
             apart = np.hypot(centers[k, 0] - x, centers[k, 1] - y)
-            keep = apart + radius > radii[k] + margin
-        if keep:
-            kept[count] = i
-            count += 1
-    return np.sort(kept[:count])
+            keep = not matters[k] or apart + radius > radii[k] + margin
+        matters[i] = keep
+    return matters
 
 
 @compiled
@@ -197,7 +201,7 @@ def is_clear(
         if view.near[place] >= far:
             break
         k = view.order[place]
-        if k == one or k == other:
+        if k in (one, other):
             continue
         disc = discs[k]
         dx, dy = disc.x - x, disc.y - y
@@ -214,7 +218,8 @@ def is_clear(
 @compiled
 def is_inside(box: Array, x: float, y: float) -> bool:
     """Whether a point is inside the bounds, give or take the margin."""
-    return box[0, 0] <= x <= box[1, 0] and box[0, 1] <= y <= box[1, 1]
+    inside: bool = box[0, 0] <= x <= box[1, 0] and box[0, 1] <= y <= box[1, 1]
+    return inside
 
 
 @compiled

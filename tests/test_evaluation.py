@@ -1,6 +1,7 @@
 """Evaluation: its files, and that they do not depend on the number of workers."""
 
 import csv
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,13 @@ import pytest
 
 from agents.evaluation import evaluate
 from agents.flights import Flight
-from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS
+from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
 from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import select
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
+from planners.shortest import exact_length
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
 """No flight leaves it: the start touches a disc and faces its centre."""
@@ -64,13 +66,25 @@ def test_rows_agree_with_the_paths(run: tuple[Path, list[Flight]]) -> None:
         assert success == bool((control[-1:, 1] == field.goal).all(axis=1).any())
 
 
-def test_gaps_are_given_where_the_exact_length_is_known(run: tuple[Path, list[Flight]]) -> None:
+def test_gaps_are_given_for_flights_that_arrived(run: tuple[Path, list[Flight]]) -> None:
     for row in rows(run[0] / "flights.csv"):
-        if row["field"] != "paper:4":
-            assert row["exact_length"] == row["gap"] == ""
-        else:
-            assert float(row["exact_length"]) == 142.959963
-            assert (row["gap"] == "") == (row["success"] == "0")
+        field = next(f for f in FIELDS if f.name == row["field"])
+        assert float(row["exact_length"]) == exact_length(field) >= field.distance
+        assert (row["gap"] == "") == (row["success"] == "0")
+        if row["gap"]:
+            ratio = float(row["length"]) / float(row["exact_length"])
+            assert float(row["gap"]) == ratio - 1.0 >= -1e-6
+
+
+def test_without_a_shortest_path_there_is_no_gap(run: tuple[Path, list[Flight]]) -> None:
+    # between start and goal a wall from bound to bound
+    closed = Field(
+        name="closed", obstacles=Discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
+    )
+    flight = replace(run[1][0], field=closed)
+    assert flight.exact_length is None
+    assert flight.gap is None
+    assert flight_row(flight)[6:8] == ["", ""]
 
 
 def test_timings_have_the_same_keys(run: tuple[Path, list[Flight]]) -> None:

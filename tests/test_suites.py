@@ -3,7 +3,6 @@
 import hashlib
 import itertools
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from ferguson_gym.paper import exact_length, latin_hypercube, paper_field
+from ferguson_gym.paper import is_from_paper, latin_hypercube, paper_field
 from ferguson_gym.suites import LAST_SEED, SPLITS, SUITES, suite_field
 
 # coordinates to ten decimals and shortest paths to six, reconstructed independently
@@ -60,7 +59,7 @@ def test_paper_fields_are_the_reconstruction(number):
     assert field.name == f"paper:{number}"
     np.testing.assert_allclose(field.obstacles.centers, reference["centers"], rtol=0, atol=1e-9)
     np.testing.assert_allclose(field.obstacles.radii, reference["radii"], rtol=0, atol=1e-9)
-    assert exact_length(field) == reference["exact_shortest_path"]
+    assert is_from_paper(field)
     assert field.start.tolist() == [0.0, 0.0]
     assert field.goal.tolist() == [100.0, 100.0]
     assert field.bounds.tolist() == [[-10.0, -10.0], [110.0, 110.0]]
@@ -72,12 +71,19 @@ def test_the_paper_has_no_other_fields(number):
         paper_field(number)
 
 
-def test_exact_length_is_known_for_the_papers_fields_alone():
+def test_a_field_is_the_papers_by_its_content_not_by_its_name_alone():
     own, other = paper_field(1).obstacles, paper_field(2).obstacles
-    assert exact_length(Field(name="paper:1", obstacles=own)) == pytest.approx(144.845765)
-    assert exact_length(Field(name="paper:1", obstacles=other)) is None
-    assert exact_length(Field(name="paper:1", obstacles=Discs(own.centers, other.radii))) is None
-    assert exact_length(suite_field("standard", "train", 0)) is None
+    assert is_from_paper(Field(name="paper:1", obstacles=own))
+    for field in (
+        Field(name="paper:1", obstacles=other),
+        Field(name="paper:1", obstacles=Discs(own.centers, other.radii)),
+        Field(name="paper:1", obstacles=own, goal=np.array([20.0, 0.0])),
+        Field(name="paper:2", obstacles=own),
+        Field(name="paper:5", obstacles=own),
+        Field(name="paper", obstacles=own),
+        suite_field("standard", "train", 0),
+    ):
+        assert not is_from_paper(field), field.name
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -166,11 +172,3 @@ def test_seeds_out_of_range_are_refused(suite, seed):
 def test_unknown_suites_and_splits_are_named(suite, split, message):
     with pytest.raises(ValueError, match=message):
         suite_field(suite, split, 0)
-
-
-def test_the_exact_length_belongs_to_the_papers_field_alone():
-    field = paper_field(1)
-    assert exact_length(field) == 144.845765
-    assert exact_length(replace(field, name="paper:2")) is None
-    assert exact_length(replace(field, goal=np.array([20.0, 0.0]))) is None
-    assert exact_length(suite_field("standard", "train", 0)) is None
