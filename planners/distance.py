@@ -8,6 +8,8 @@ the whole, and whether anything stands in their way is asked for the most promis
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -181,6 +183,9 @@ class DistanceToGo:
     def path(self, point: ArrayLike) -> ShortestPath | None:
         """The shortest path from a point (2,) [m] to the goal, None if there is none.
 
+        From a point that lies in a disc by the tolerance, and whose path goes round that disc, it
+        starts on the disc's boundary.
+
         Raises:
             ValueError: another shape, NaN or infinity.
         """
@@ -201,7 +206,7 @@ class DistanceToGo:
         return self.trace((x, y), turns, way.distance)
 
     def trace(
-        self, start: ArrayLike, turns: list[tuple[int, float, float]], length: float
+        self, start: Sequence[float], turns: list[tuple[int, float, float]], length: float
     ) -> ShortestPath:
         """A path from its start (2,) and its turns, each a track with the angles of its ends."""
         where = np.array([turn[0] for turn in turns], dtype=np.int64)
@@ -214,6 +219,8 @@ class DistanceToGo:
         centers, radii = obstacles.centers[discs], obstacles.radii[discs]
         around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
         ends = centers[:, None] + radii[:, None, None] * around
+        if len(turns) and math.dist(start, centers[0]) < radii[0] - self.scene.margin:
+            start = ends[0, 0]
         knots = np.concatenate([[start], ends.reshape(-1, 2), [self.field.goal]])
         return ShortestPath(
             length=length,

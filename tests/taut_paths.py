@@ -1,0 +1,79 @@
+"""What every path of lines and arcs must be, and random fields of discs to find paths in."""
+
+import numpy as np
+from hypothesis import strategies as st
+
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+from planners.pieces import ShortestPath
+
+
+def random_field(
+    seed: int, discs: int, largest: float = 20.0, start: tuple[float, float] = (0.0, 0.0)
+) -> Field:
+    """Discs that may overlap each other and the bounds; start and goal are left free."""
+    stream = np.random.default_rng(seed)
+    centers = stream.uniform(-10.0, 110.0, (discs, 2))
+    radii = stream.uniform(0.5, largest, discs)
+    every = Discs(centers, radii)
+    free = (every.signed_distance(np.array([start, (100.0, 100.0)])) > 0.0).all(axis=0)
+    return Field(name=f"random {seed}", obstacles=Discs(centers[free], radii[free]), start=start)
+
+
+# few values, so that discs coincide, touch, contain and align with each other
+coordinates = st.integers(-2, 22).map(lambda k: 5.0 * k)
+numbers = st.one_of(coordinates, st.floats(-15.0, 115.0, width=32))
+sizes = st.one_of(st.integers(1, 8).map(lambda k: 2.5 * k), st.floats(0.125, 30.0, width=32))
+
+
+@st.composite
+def fields(draw: st.DrawFn, most: int = 12) -> Field:
+    """Fields of overlapping discs, degenerate more often than not."""
+    discs = draw(st.lists(st.tuples(numbers, numbers, sizes), max_size=most))
+    ends = np.array([[0.0, 0.0], [100.0, 100.0]])
+    every = np.array(discs).reshape(-1, 3)
+    apart = np.linalg.norm(every[:, None, :2] - ends, axis=-1)
+    free = (apart >= every[:, 2:]).all(axis=1)
+    return Field(name="drawn", obstacles=Discs(every[free, :2], every[free, 2]))
+
+
+def assert_is_taut(path: ShortestPath, field: Field, depth: float = 2e-7) -> None:
+    """Pieces join without a corner, enter no disc, stay inside the bounds and add up."""
+    discs = field.obstacles
+    assert isinstance(discs, Discs)
+    spans = path.lines[:, 1] - path.lines[:, 0]
+    long = np.linalg.norm(spans, axis=1)
+    np.testing.assert_allclose(long.sum() + path.radii @ path.sweeps, path.length, rtol=1e-9)
+    np.testing.assert_array_equal(path.lines[-1, 1], field.goal)
+    np.testing.assert_array_equal(path.centers, discs.centers[path.discs])
+    np.testing.assert_array_equal(path.radii, discs.radii[path.discs])
+    ends = path.centers[:, None] + path.radii[:, None, None] * np.stack(
+        [np.cos(path.angles), np.sin(path.angles)], axis=-1
+    )
+    np.testing.assert_allclose(path.lines[:-1, 1], ends[:, 0], atol=1e-9)
+    np.testing.assert_allclose(path.lines[1:, 0], ends[:, 1], atol=1e-9)
+    assert (path.senses * (path.angles[:, 1] - path.angles[:, 0]) >= 0.0).all()
+    # the way along an arc at its start and at its end is that of the lines there
+    way = path.senses[:, None, None] * np.stack(
+        [-np.sin(path.angles), np.cos(path.angles)], axis=-1
+    )
+    for k in range(len(path.discs)):
+        for line, along in ((k, way[k, 0]), (k + 1, way[k, 1])):
+            cross = along[0] * spans[line, 1] - along[1] * spans[line, 0]
+            assert abs(cross) <= 1e-7 * max(long[line], 1.0)
+            assert along @ spans[line] >= -1e-7
+    points = path.points(0.25)
+    assert (points >= field.bounds[0] - depth).all()
+    assert (points <= field.bounds[1] + depth).all()
+    if len(discs):
+        assert discs.signed_distance(points).min() >= -depth
+        for start, end in path.lines:
+            assert -_depth(start, end, discs) >= -depth
+
+
+def _depth(start: np.ndarray, end: np.ndarray, discs: Discs) -> float:
+    """How deep a line runs in the discs [m], negative where it keeps away."""
+    span = end - start
+    share = ((discs.centers - start) @ span) / max(span @ span, 1e-300)
+    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * span
+    return float((discs.radii - np.linalg.norm(nearest - discs.centers, axis=1)).max())
