@@ -36,7 +36,7 @@ def word(path: ShortestPath, discs: Discs) -> tuple[int, ...]:
         sign = np.where(x[steps + 1] > x[steps], 1, -1)
         crossed += [
             (k, f, s * (cluster + 1))
-            for k, f, s in zip(steps[above], share[above], sign[above], strict=False)
+            for k, f, s in zip(steps[above], share[above], sign[above], strict=True)
         ]
     letters: list[int] = []
     for *_, letter in sorted(crossed):
@@ -188,7 +188,7 @@ def lengths_by_trial(field: Field, turns: int) -> list[float]:
                 sweeps = [
                     s * (after - before) % (2 * math.pi)
                     for (_, s), (before, after) in zip(
-                        middle, itertools.pairwise(directions), strict=False
+                        middle, itertools.pairwise(directions), strict=True
                     )
                 ]
                 samples = np.concatenate(
@@ -205,7 +205,7 @@ def lengths_by_trial(field: Field, turns: int) -> list[float]:
                 )
                 if discs.signed_distance(samples).min() > -1e-3 and not crosses_itself(path):
                     arcs = sum(
-                        radii[i] * sweep for (i, _), sweep in zip(middle, sweeps, strict=False)
+                        radii[i] * sweep for (i, _), sweep in zip(middle, sweeps, strict=True)
                     )
                     lengths.append(sum(math.dist(*line) for line in lines) + arcs)
     return sorted(lengths)
@@ -242,5 +242,5 @@ def test_from_a_point_on_the_way() -> None:
 def test_in_any_field_classes_are_taut_and_in_order(field: Field) -> None:
     paths = best_classes(field, field.start, 4)
     assert_classes(paths, field)
-    ways = {tuple(zip(path.discs.tolist(), path.senses.tolist(), strict=False)) for path in paths}
+    ways = {tuple(zip(path.discs.tolist(), path.senses.tolist(), strict=True)) for path in paths}
     assert len(ways) == len(paths)
