@@ -29,10 +29,11 @@ from ferguson_gym.fields import Field
 from planners.distance import NOWHERE, STRAIGHT, DistanceToGo, along_track, seen, straight
 from planners.pieces import ShortestPath
 from planners.tangent_graph import WALL, Tracks, following, sweep
-from planners.tangents import Records, Scene, is_clear, view
+from planners.tangents import TURN, Records, Scene, is_clear, view
 
 TOUCH = 1e-7
-"""A disc along which a path turns less [rad] is touched, not gone round."""
+"""A disc along which a path turns less [rad] is touched, not gone round. Less short of a whole
+turn, it is a loop."""
 
 
 class Stage(NamedTuple):
@@ -139,7 +140,7 @@ def _grow(
             other = tracks.other[node]
             togo = tracks.togo[other] if other >= 0 else 0.0
             turn = sweep(stage.at, tracks.angle[node])
-            if tracks.line[node] >= 0.0 and togo < np.inf and turn >= TOUCH:
+            if tracks.line[node] >= 0.0 and togo < np.inf and TOUCH <= turn <= TURN - TOUCH:
                 px, py = _point(discs, track, tracks.angle[node])
                 length = stage.length + turn * discs[track // 2].radius + tracks.line[node]
                 heapq.heappush(heap, (length + togo, len(stages)))

@@ -4,12 +4,14 @@ A track is a disc's boundary gone round in one sense. In the order of its way it
 where tangents leave it, the points where tangents arrive, and walls: the middles of those parts
 that another disc or the world outside the bounds covers. From a node the way leads on along the
 track to the next node, unless that is a wall, and from a point that is left along the tangent.
-Tangents touch tracks only where they are free, so that walls need no width; and a node has two
-ways on at most, so that Dijkstra's method takes a time not much above that of sorting the nodes.
+Tangents touch tracks where no disc covers them, so that walls need no width. Nor do tangents need
+to end inside the bounds: a way that left the bounds could turn back past such a wall alone. A node
+has two ways on at most, so that Dijkstra's method takes little more time than sorting the nodes.
 
-Every way through this graph is straight or an arc and turns nowhere else: it is taut, hence
-locally shortest. The bounds are convex and a corner between two discs points away from the free
-side, so that a shortest path bends in neither.
+Every way through this graph is taut: it turns along discs alone, hence is locally shortest. A
+shortest path bends nowhere else, since the bounds are convex, and so is the free corner where two
+discs meet. Where three discs have a common tangent, rounding decides whether the one in the middle
+is reached before or behind the point where it is left; the way past all three is an edge too.
 
 Reference:
     Dijkstra (1959), A note on two problems in connexion with graphs, Numerische Mathematik 1.
@@ -32,7 +34,6 @@ from planners.tangents import (
     Tangents,
     angle,
     is_clear,
-    is_inside,
     tangent,
     tangents,
     view,
@@ -40,9 +41,6 @@ from planners.tangents import (
 
 GOAL, WALL = -1, -2
 """What a node leads to, if not to another."""
-SLACK = 1e-10
-"""By how much [rad] a tangent may leave behind the point at which another arrives: where three
-discs have a common tangent, rounding decides which of the two points comes first."""
 
 
 class Tracks(NamedTuple):
@@ -52,10 +50,8 @@ class Tracks(NamedTuple):
     """(2 n + 1,) first node of each track, and m."""
     track: Integers
     """(m,)."""
-    key: Array
-    """(m,) by which a track's nodes are sorted: the angle, less SLACK for arrivals."""
     angle: Array
-    """(m,) in the track's sense, in [0, 2 pi) [rad]."""
+    """(m,) in the track's sense, in [0, 2 pi), increasing along a track [rad]."""
     other: Integers
     """(m,) the other end of the tangent, GOAL or WALL."""
     line: Array
@@ -70,22 +66,19 @@ class Tracks(NamedTuple):
 
 @compiled
 def sweep(before: float, after: float) -> float:
-    """From an angle on to another [rad]; none for one that lies behind by the slack."""
+    """From an angle on to another [rad], less than a whole turn."""
     turn = after - before
-    if turn < -2.0 * SLACK:
-        turn += TURN
-    return max(turn, 0.0)
+    return turn if turn >= 0.0 else turn + TURN
 
 
 @compiled
 def following(tracks: Tracks, track: int, at: float) -> int:
-    """The node that comes next on a track after an angle, or -1 if the way ends at a wall."""
+    """The node that comes next on a track from an angle on, or -1 if the track has none."""
     first, end = tracks.first[track], tracks.first[track + 1]
     if first == end:
         return -1
-    node = first + np.searchsorted(tracks.key[first:end], at - SLACK)
-    node = node if node < end else first
-    return -1 if tracks.other[node] == WALL else node
+    node: int = first + np.searchsorted(tracks.angle[first:end], at)
+    return node if node < end else first
 
 
 @compiled
@@ -121,7 +114,7 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     covered, middles = _walls(scene)
     room = 4 * m + 2 * n + 2 * len(covered)
     track, at, line = np.empty(room, dtype=np.int64), np.empty(room), np.full(room, -1.0)
-    other, key = np.full(room, WALL), np.empty(room)
+    other = np.full(room, WALL)
     for k in range(m):
         a, b = lines.angles[k]
         # there and back: leaving nodes are even, and the nodes of a pair differ in the last bit
@@ -141,9 +134,7 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
         r = sense * disc.radius
         length, ux, uy = tangent(goal[0] - disc.x, goal[1] - disc.y, -r)
         x, y = disc.x + r * uy, disc.y - r * ux
-        if is_inside(scene.box, x, y) and is_clear(
-            x, y, ux, uy, length, length, scene.discs, around, i, i
-        ):
+        if is_clear(x, y, ux, uy, length, length, scene.discs, around, i, i):
             track[count], at[count], other[count] = place, angle(sense, ux, uy), GOAL
             line[count] = length
             count += 1
@@ -152,23 +143,22 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
             track[count] = 2 * covered[k] + side
             at[count] = (middles[k] if side == 0 else -middles[k]) % TURN
             count += 1
-    for node in range(count):
-        key[node] = at[node] - (SLACK if line[node] < 0.0 and other[node] >= 0 else 0.0)
-    order = np.argsort(8.0 * track[:count] + key[:count])
-    place_of = np.empty(count, dtype=np.int64)
-    for k in range(count):
-        place_of[order[k]] = k
-    other = other[order]
+    # by angle, and then into the tracks as they come
     first = np.zeros(2 * n + 1, dtype=np.int64)
     for node in range(count):
         first[track[node] + 1] += 1
+    first = np.cumsum(first)
+    end, order, place_of = first[:-1].copy(), track[:count].copy(), track[:count].copy()
+    for node in np.argsort(at[:count]):
+        place = end[track[node]]
+        order[place], place_of[node], end[track[node]] = node, place, place + 1
+    other = other[order]
+    for node in range(count):
         if other[node] >= 0:
             other[node] = place_of[other[node]]
-    first = np.cumsum(first)
     return Tracks(
         first,
         track[order],
-        key[order],
         at[order],
         other,
         line[order],

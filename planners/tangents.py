@@ -216,16 +216,9 @@ def is_clear(
 
 
 @compiled
-def is_inside(box: Array, x: float, y: float) -> bool:
-    """Whether a point is inside the bounds, give or take the margin."""
-    inside: bool = box[0, 0] <= x <= box[1, 0] and box[0, 1] <= y <= box[1, 1]
-    return inside
-
-
-@compiled
 def tangents(scene: Scene) -> Tangents:
-    """All common tangents of discs that are inside the bounds and meet no other disc."""
-    discs, box = scene.discs, scene.box
+    """All common tangents of discs that meet no other disc."""
+    discs = scene.discs
     room, count = 256, 0
     leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     angles, lengths = np.empty((room, 2)), np.empty(room)
@@ -242,11 +235,8 @@ def tangents(scene: Scene) -> Tangents:
                 if abs(s - r) > apart + scene.margin:
                     continue
                 length, ux, uy = tangent(x, y, s - r)
-                px, py, qx, qy = one.x + r * uy, one.y - r * ux, two.x + s * uy, two.y - s * ux
-                if not (is_inside(box, px, py) and is_inside(box, qx, qy)):
-                    continue
-                far = np.sqrt(length * length + r * r)
-                if not is_clear(px, py, ux, uy, length, far, discs, around, i, j):
+                x0, y0, far = one.x + r * uy, one.y - r * ux, np.sqrt(length * length + r * r)
+                if not is_clear(x0, y0, ux, uy, length, far, discs, around, i, j):
                     continue
                 if count == room:
                     room *= 2

@@ -129,6 +129,11 @@ def test_two_touching_discs_have_a_gap_between_them() -> None:
     assert len(best_classes(closed, field.start, 9)) == 2
 
 
+def test_a_disc_smaller_than_the_margin_has_no_sides() -> None:
+    field = Field(name="grain", obstacles=Discs([[50.0, 50.0]], [1e-8]))
+    assert len(best_classes(field, field.start, 5)) == 1
+
+
 def test_a_side_closed_by_the_bounds_is_no_class() -> None:
     discs = Discs([[50.0, 105.0]], [20.0])
     field = Field(name="closed", obstacles=discs)

@@ -142,6 +142,15 @@ def test_points_within_the_tolerance_are_free(depth: float, turn: float) -> None
     assert_is_taut(path, DISC, depth=depth + 2e-7)
 
 
+def test_a_point_in_a_disc_opens_the_disc_to_no_other_point() -> None:
+    togo = DistanceToGo(DISC)
+    asked = [[50.0 - 20.0 / math.sqrt(2.0), 50.0 + 20.0 / math.sqrt(2.0)], [0.0, 0.0]]
+    before = togo(asked)[0]
+    togo([[50.0, 30.0 + 9e-6], [30.0 + 9e-6, 50.0]])
+    np.testing.assert_array_equal(togo(asked)[0], before)
+    np.testing.assert_array_equal(togo.scene.discs["reach"], 20.0 - togo.scene.margin)
+
+
 def test_points_beyond_the_tolerance_are_not() -> None:
     togo = DistanceToGo(DISC)
     blocked = [
