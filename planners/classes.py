@@ -177,7 +177,8 @@ def classes(distance: DistanceToGo, point: ArrayLike, k: int) -> list[ShortestPa
             turns.append((parent.track, parent.at, parent.at + stage.turn))
             stage = parent
         paths.append(distance.trace((x, y), turns[::-1], stages[end].length))
-    return paths
+    # the last digit of a length depends on where it was added up
+    return sorted(paths, key=lambda path: path.length)
 
 
 def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:

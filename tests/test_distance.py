@@ -137,6 +137,7 @@ def test_points_within_the_tolerance_are_free(depth: float, turn: float) -> None
     distance, gradient = togo(points)
     np.testing.assert_allclose(distance, distance[1], atol=2e-5)
     np.testing.assert_allclose(gradient, np.tile(gradient[1], (3, 1)), atol=2e-3)
+    np.testing.assert_allclose(np.linalg.norm(gradient, axis=1), 1.0, rtol=1e-12)
     path = togo.path(points[0])
     assert path is not None
     assert_is_taut(path, DISC, depth=depth + 2e-7)

@@ -15,6 +15,7 @@ from ferguson_gym.obstacles import Discs
 from ferguson_gym.paper import paper_field
 from planners.pieces import ShortestPath
 from planners.shortest import exact_length, shortest_path
+from planners.tangents import scene
 from tests.taut_paths import assert_is_taut, fields, random_field
 
 # shortest paths to six decimals, found independently
@@ -155,6 +156,23 @@ def test_discs_within_a_disc_change_nothing(extra: list[list[float]]) -> None:
         discs = np.array(every)
         path = found(across(discs[:, :2], discs[:, 2]))
         assert path.length == pytest.approx(around(50.0, 10.0), abs=1e-9)
+
+
+def test_discs_that_cannot_matter_are_left_out() -> None:
+    every = [
+        [50.0, 50.0, 10.0],
+        [52.0, 49.0, 5.0],  # within the first
+        [50.0, 50.0, 10.0],  # the first again
+        [50.0, 55.0, 5.0],  # touches the first from within
+        [50.0, 61.0, 2.0],  # reaches out of it
+        [130.0, 50.0, 15.0],  # outside
+        [130.0, 50.0, 21.0],
+        [113.0, 113.0, 4.0],  # beyond both bounds at a corner by less than its radius each
+        [20.0, 80.0, 1e-8],
+    ]
+    discs = np.array(every)
+    _, kept = scene(across(discs[:, :2], discs[:, 2]))
+    assert kept.tolist() == [0, 4, 6]
 
 
 def test_a_start_and_a_goal_on_a_disc() -> None:
