@@ -18,6 +18,7 @@ Reference:
 from __future__ import annotations
 
 import heapq
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -65,10 +66,17 @@ def _point(discs: Records, track: int, at: float) -> tuple[float, float]:
 
 
 @compiled
-def _beside(one: Stage, other: Stage, margin: float) -> bool:
-    """Whether the ends of one line lie on different sides of another line."""
+def _long(stage: Stage) -> float:
+    """Length of a stage's line [m]."""
+    long: float = np.hypot(stage.end_x - stage.x, stage.end_y - stage.y)
+    return long
+
+
+@compiled
+def _beside(one: Stage, other: Stage, least: float) -> bool:
+    """Whether the ends of one line lie on different sides of another, by a least distance [m]."""
     dx, dy = other.end_x - other.x, other.end_y - other.y
-    least = margin * np.sqrt(dx * dx + dy * dy)
+    least *= _long(other)
     start = dx * (one.y - other.y) - dy * (one.x - other.x)
     end = dx * (one.end_y - other.y) - dy * (one.end_x - other.x)
     beside: bool = min(start, end) < -least and max(start, end) > least
@@ -76,22 +84,25 @@ def _beside(one: Stage, other: Stage, margin: float) -> bool:
 
 
 @compiled
-def _loops(stages: list[Stage], index: int, margin: float) -> bool:
+def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
     """Whether a stage's last arc or line meets what came before it."""
     last = stages[index]
     if last.parent < 0:
         return False
     arc = stages[last.parent]
-    before, turn = last.parent, 0.0
+    # beyond half a turn, the tangents at an arc's ends meet in front of the disc
+    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TURN - last.turn))
+    if last.turn > 0.5 * TURN and min(_long(last), _long(arc)) > ahead:
+        return True
+    least = 1e-3 * margin  # lines that touch do not cross
+    before, turn = arc.parent, arc.turn
     while before >= 0:
         stage = stages[before]
-        if _beside(last, stage, margin) and _beside(stage, last, margin):
+        if _beside(last, stage, least) and _beside(stage, last, least):
             return True
-        # this stage's track is left after `turn`; that of the last arc is the first one met
-        if (
-            before != last.parent
-            and stage.track == arc.track
-            and (sweep(stage.at, arc.at) <= turn or sweep(arc.at, stage.at) <= last.turn)
+        # this stage's track is left after `turn`
+        if stage.track == arc.track and (
+            sweep(stage.at, arc.at) <= turn or sweep(arc.at, stage.at) <= last.turn
         ):
             return True
         before, turn = stage.parent, stage.turn
@@ -126,7 +137,7 @@ def _grow(
     heapq.heapify(heap)
     while len(heap) > 0 and len(ends) < k:
         index = heapq.heappop(heap)[1]
-        if _loops(stages, index, scene.margin):
+        if _loops(stages, index, discs, scene.margin):
             continue
         stage = stages[index]
         track = stage.track

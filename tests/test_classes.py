@@ -152,20 +152,24 @@ def test_a_row_with_a_common_tangent_has_one_class_along_it() -> None:
     assert len(kinds) == len(paths)
 
 
-@pytest.mark.parametrize("slope", [0.0, 1.0, 0.3])
-def test_going_all_round_a_thin_trunk_is_no_class(slope: float) -> None:
-    # cheap as it is: rounding may place the end of a tangent just behind its start
-    turn = math.atan(slope)
-    along, left = np.array([math.cos(turn), math.sin(turn)]), [-math.sin(turn), math.cos(turn)]
-    centers = np.arange(10.0, 100.0, 20.0)[:, None] * along - 1e-3 * np.array(left)
-    row = Discs(centers, np.full(5, 1e-3))
-    field = Field(name="thin", obstacles=row, goal=100.0 * along)
-    paths = best_classes(field, field.start, 60)
+@pytest.mark.parametrize("seed", range(20))
+def test_going_all_round_a_thin_trunk_is_no_class(seed: int) -> None:
+    # cheap as it is; rounding may also place the end of a tangent just behind its start
+    stream = np.random.default_rng(seed)
+    turn = stream.uniform(0.0, 1.5)
+    along, left = (
+        np.array([math.cos(turn), math.sin(turn)]),
+        np.array([-math.sin(turn), math.cos(turn)]),
+    )
+    radii = stream.uniform(1e-3, 1e-2, 4)
+    centers = np.sort(stream.uniform(5.0, 95.0, 4))[:, None] * along - radii[:, None] * left
+    field = Field(name="thin", obstacles=Discs(centers, radii), goal=100.0 * along)
+    paths = best_classes(field, field.start, 40)
     assert_classes(paths, field)
-    assert len(paths) == 60
-    assert max(path.sweeps.max(initial=0.0) for path in paths) < 6.0
+    assert len(paths) == 40
+    assert max(path.sweeps.max(initial=0.0) for path in paths) < 4.0
     ways = {tuple(zip(path.discs.tolist(), path.senses.tolist(), strict=True)) for path in paths}
-    assert len(ways) == 60
+    assert len(ways) == 40
 
 
 def test_without_a_path_there_is_no_class() -> None:
