@@ -172,6 +172,21 @@ def test_going_all_round_a_thin_trunk_is_no_class(seed: int) -> None:
     assert len(ways) == 40
 
 
+def test_from_a_disc_straight_on_is_no_turn_all_round_it() -> None:
+    for seed in range(20):
+        turn = np.random.default_rng(seed).uniform(0.0, 1.5)
+        along = np.array([math.cos(turn), math.sin(turn)])
+        left = np.array([-math.sin(turn), math.cos(turn)])
+        # the start is where the common tangent leaves the first disc
+        discs = Discs([0.01 * left, 40.0 * along + 3.0 * left], [0.01, 3.0])
+        try:
+            field = Field(name="on", obstacles=discs, goal=(70.0 * along + 20.0 * left).tolist())
+        except ValueError:  # by rounding, the start is in the disc
+            continue
+        for path in best_classes(field, field.start, 6):
+            assert path.sweeps.max() < 2.0 * math.pi - 1e-7
+
+
 def test_without_a_path_there_is_no_class() -> None:
     wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     assert best_classes(Field(name="wall", obstacles=wall), (0.0, 0.0), 3) == []
