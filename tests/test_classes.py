@@ -173,17 +173,17 @@ def test_going_all_round_a_thin_trunk_is_no_class(seed: int) -> None:
 
 
 def test_from_a_disc_straight_on_is_no_turn_all_round_it() -> None:
-    for seed in range(20):
+    for seed in range(250):  # rounding matters in one of fifty
         turn = np.random.default_rng(seed).uniform(0.0, 1.5)
         along = np.array([math.cos(turn), math.sin(turn)])
         left = np.array([-math.sin(turn), math.cos(turn)])
         # the start is where the common tangent leaves the first disc
         discs = Discs([0.01 * left, 40.0 * along + 3.0 * left], [0.01, 3.0])
         try:
-            field = Field(name="on", obstacles=discs, goal=(70.0 * along + 20.0 * left).tolist())
+            field = Field(name="on", obstacles=discs, goal=70.0 * along + 20.0 * left)
         except ValueError:  # by rounding, the start is in the disc
             continue
-        for path in best_classes(field, field.start, 6):
+        for path in best_classes(field, field.start, 8):
             assert path.sweeps.max() < 2.0 * math.pi - 1e-7
 
 
