@@ -11,24 +11,28 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 
+PLACE = np.dtype(
+    [
+        ("start", np.float64, 2),
+        ("departure", np.float64, 2),
+        ("goal", np.float64, 2),
+        ("bounds", np.float64, (2, 2)),
+        ("distance", np.float64),
+    ]
+)
+"""What a field has beside obstacles: start [m], start derivative [m per unit t], goal, bounds
+and the straight distance from start to goal [m]."""
+
 
 class World(NamedTuple):
     """Fields by slot."""
 
+    places: NDArray[np.void]
+    """(slots,) of PLACE."""
     columns: Array
     """Centres (slots, 2, M) [m]."""
     radii: Array
     """(slots, M) [m]; minus infinity where there is no disc."""
-    start: Array
-    """(slots, 2) [m]."""
-    departure: Array
-    """(slots, 2) [m per unit t]."""
-    goal: Array
-    """(slots, 2) [m]."""
-    bounds: Array
-    """(slots, 2, 2) [m]."""
-    distance: Array
-    """(slots,) straight distance from start to goal [m]."""
 
 
 class Bank:
@@ -38,14 +42,11 @@ class Bank:
         self.capacity = capacity
         common = Field(name="without obstacles", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
         self.world = World(
+            places=np.empty(slots, PLACE),
             columns=np.zeros((slots, 2, max(capacity, 1))),
             radii=np.full((slots, max(capacity, 1)), -np.inf),
-            start=np.tile(common.start, (slots, 1)),
-            departure=np.tile(common.departure, (slots, 1)),
-            goal=np.tile(common.goal, (slots, 1)),
-            bounds=np.tile(common.bounds, (slots, 1, 1)),
-            distance=np.full(slots, common.distance),
         )
+        self._place(slice(None), common)
         self.held: NDArray[np.bool_] = np.zeros(slots, np.bool_)
         """Slots that hold a field."""
 
@@ -82,11 +83,13 @@ class Bank:
     def put(self, slot: int, field: Field) -> None:
         """Lay out a field that was checked."""
         assert isinstance(field.obstacles, Discs)
-        world = self.world
-        world.start[slot], world.goal[slot] = field.start, field.goal
-        world.departure[slot], world.bounds[slot] = field.departure, field.bounds
-        world.distance[slot] = field.distance
+        self._place(slot, field)
         self.put_discs(slot, field.obstacles)
+
+    def _place(self, slot: int | slice, field: Field) -> None:
+        places = self.world.places
+        for key in ("start", "departure", "goal", "bounds", "distance"):
+            places[key][slot] = getattr(field, key)
 
     def put_discs(self, slot: int, discs: Discs) -> None:
         """Lay out discs alone, where the rest is in place already."""

@@ -11,7 +11,7 @@ import hashlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numba
 
@@ -43,7 +43,7 @@ def compiled(function: F) -> F:
     Arithmetic is IEEE (no fast-math: certificates depend on it) and a division by
     zero gives an infinity or NaN instead of an exception.
     """
-    return _jit(function, nogil=False)
+    return _jit(function)
 
 
 def compiled_without_lock(function: F) -> F:
@@ -51,6 +51,11 @@ def compiled_without_lock(function: F) -> F:
     return _jit(function, nogil=True)
 
 
-def _jit(function: F, nogil: bool) -> F:
+def compiled_in_place(function: F) -> F:
+    """As `compiled`, but copied into its callers: for functions that take much by value."""
+    return _jit(function, inline="always")
+
+
+def _jit(function: F, **options: Any) -> F:
     function.__qualname__ = f"{function.__qualname__}-{_digest()}"
-    return cast(F, numba.njit(cache=True, error_model="numpy", nogil=nogil)(function))
+    return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))

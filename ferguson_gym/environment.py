@@ -18,7 +18,7 @@ from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
 from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation
+from ferguson_gym.observations import Observation, entries_of
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.settings import Settings
 
@@ -36,8 +36,8 @@ def observation_space(settings: Settings) -> spaces.Space[Observation]:
     """The space of one vehicle's observations."""
     low = {"mask": 0.0, "rays": 0.0}
     boxes: dict[str, spaces.Space[Any]] = {
-        key: spaces.Box(low.get(key, -1.0), 1.0, shape, np.float32)
-        for key, shape in settings.shapes.items()
+        key: spaces.Box(low.get(key, -1.0), 1.0, (size,), np.float32)
+        for key, size in settings.layout.entries().items()
     }
     return cast("spaces.Space[Observation]", spaces.Dict(boxes))
 
@@ -198,7 +198,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
         self._fleet = Fleet(self.settings, 1, batch.DISABLED)
-        self._keys = tuple(self.settings.shapes)
+        self._layout = self.settings.layout
         self._field: Field | None = None
         self._viewer: Any = None
 
@@ -271,22 +271,21 @@ class ObstacleField(gym.Env[Observation, Action]):
         self._fleet.step(actions, [self.np_random])
         if self.render_mode == "human":
             self.render()
-        report = self._fleet.report
+        report = self._fleet.reports[0]
         return (
             self._seen(),
-            float(report.reward[0]),
-            bool(report.terminated[0]),
-            bool(report.truncated[0]),
+            float(report["reward"]),
+            bool(report["terminated"]),
+            bool(report["truncated"]),
             self._info(),
         )
 
     def _seen(self) -> Observation:
-        sight = self._fleet.sight
-        return {key: getattr(sight, key)[0].copy() for key in self._keys}
+        return entries_of(self._fleet.seen[0], self._layout)
 
     def _info(self) -> dict[str, Any]:
-        report = self._fleet.report
-        return {key: getattr(report, key)[0].item() for key in INFOS}
+        report = self._fleet.reports[0]
+        return {key: report[key].item() for key in INFOS}
 
     def render(self) -> NDArray[np.uint8] | None:
         """Draw the flight so far: an image (800, 800, 3), or a window in mode human.

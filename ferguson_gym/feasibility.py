@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ferguson_gym.arc_length import length, segment_length
 from ferguson_gym.arrays import Array
 from ferguson_gym.clearance import least_speed
-from ferguson_gym.compilation import compiled
+from ferguson_gym.compilation import compiled_in_place
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits, Numbers
 from ferguson_gym.outcome import Outcome
@@ -82,7 +82,7 @@ _FAILURES = (
 )
 
 
-@compiled
+@compiled_in_place
 def first_failure(
     control: Array,
     bounds: Array,

@@ -12,11 +12,11 @@ from ferguson_gym import batch
 from ferguson_gym.actions import Action, check_action
 from ferguson_gym.arrays import Array
 from ferguson_gym.bank import Bank
-from ferguson_gym.batch import Flags, Report
+from ferguson_gym.batch import Flags, Records
 from ferguson_gym.crew import PATIENCE, Crew, new_counters
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import FLOWN, State
-from ferguson_gym.observations import Sight, empty_sight
+from ferguson_gym.observations import Single
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.settings import Settings
 
@@ -40,21 +40,23 @@ class Fleet:
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
         self.settings, self.number = settings, number
         self._bank = Bank(number + settings.fields, settings.most)
-        flights = batch.new_flights(number, settings.segments, BLOCK)
-        flights.outcome[:] = NOT_STARTED
-        entries = settings.shapes
+        flights = np.zeros(number, batch.FLIGHT)
+        flights["outcome"], flights["next"] = NOT_STARTED, BLOCK
+        width = sum(settings.layout.entries().values())
         self._job = batch.Job(
             flights=flights,
+            paths=np.zeros((number, settings.segments + 1, 4, 2)),
+            queue=np.zeros((number, BLOCK), np.int64),
             world=self._bank.world,
             actions=np.zeros((number, 4), np.float32),
             limits=settings.limits.numbers(),
             prices=settings.prices,
-            focus=float(settings.focus),
+            layout=settings.layout,
             mode=mode,
-            sight=empty_sight(entries, number),
-            report=batch.new_report(number),
-            last_sight=empty_sight(entries, number),
-            last_report=batch.new_report(number),
+            seen=np.zeros((number, width), np.float32),
+            reports=np.zeros(number, batch.REPORT),
+            last_seen=np.zeros((number, width), np.float32),
+            last_reports=np.zeros(number, batch.REPORT),
         )
         self._given: list[Field | None] = [None] * number
         self._counters = new_counters()
@@ -63,7 +65,7 @@ class Fleet:
     @property
     def outcome(self) -> NDArray[np.int64]:
         """(N,) NOT_STARTED, or codes of outcomes; a flight that goes on has FLYING."""
-        return self._job.flights.outcome
+        return self._job.flights["outcome"]
 
     def make_room(self, field: Field) -> None:
         """Let fields have as many obstacles as this one."""
@@ -77,7 +79,7 @@ class Fleet:
         streams: Sequence[np.random.Generator],
         renewed: Flags,
     ) -> None:
-        """Start flights; `sight` and `report` are of all vehicles.
+        """Start flights; `seen` and `reports` are of all vehicles.
 
         Args:
             chosen: (N,) vehicles that start.
@@ -94,15 +96,15 @@ class Fleet:
             if (field := fields[i]) is not None:
                 laid[i] = field if isinstance(field, Field) else self.settings.field(field)
                 self._bank.check(laid[i])
-        flights.next[renewed] = BLOCK
+        flights["next"][renewed] = BLOCK
         self.draw_ahead(streams)
         for i in which:
             if i in laid:
                 self._bank.put(i, laid[i])
-                self._given[i], flights.slot[i] = laid[i], i
+                self._given[i], flights["slot"][i] = laid[i], i
             else:
-                flights.slot[i] = flights.queue[i, flights.next[i]]
-                flights.next[i] += 1
+                flights["slot"][i] = self._job.queue[i, flights["next"][i]]
+                flights["next"][i] += 1
         batch.begin(self._job, chosen)
         self.draw_ahead(streams)
 
@@ -133,51 +135,51 @@ class Fleet:
     def draw_ahead(self, streams: Sequence[np.random.Generator]) -> None:
         """Draw a block of seeds for each vehicle that has used up its own."""
         flights = self._job.flights
-        for i in np.flatnonzero(flights.next == BLOCK).tolist():
+        for i in np.flatnonzero(flights["next"] == BLOCK).tolist():
             slots = self.number + streams[i].integers(self.settings.fields, size=BLOCK)
             for slot in slots[~self._bank.held[slots]].tolist():
                 if not self._bank.held[slot]:
                     self._bank.put_discs(slot, self.settings.discs(slot - self.number))
-            flights.queue[i], flights.next[i] = slots, 0
+            self._job.queue[i], flights["next"][i] = slots, 0
 
     @property
-    def sight(self) -> Sight:
-        """What is seen now; the next step writes over it."""
-        return self._job.sight
+    def seen(self) -> Single:
+        """Flat observations (N, n); the next step writes over them."""
+        return self._job.seen
 
     @property
-    def report(self) -> Report:
-        """What the last step or reset reported; the next writes over it."""
-        return self._job.report
+    def reports(self) -> Records:
+        """What the last step or reset reported (N,); the next writes over it."""
+        return self._job.reports
 
     @property
-    def last(self) -> tuple[Sight, Report]:
+    def last(self) -> tuple[Single, Records]:
         """In SAME_STEP, what flights saw and reported that ended in the last step."""
-        return self._job.last_sight, self._job.last_report
+        return self._job.last_seen, self._job.last_reports
 
     def field(self, i: int) -> Field:
         """The field that a vehicle flies in."""
-        slot = int(self._job.flights.slot[i])
+        slot = int(self._job.flights["slot"][i])
         given = self._given[slot] if slot < self.number else None
         return given or self.settings.field(slot - self.number)
 
     def state(self, i: int) -> State:
         """A vehicle's state, exactly."""
-        flights = self._job.flights
+        flight = self._job.flights[i]
         return State(
-            flights.position[i].copy(), flights.derivative[i].copy(), int(flights.segments[i])
+            flight["position"].copy(), flight["derivative"].copy(), int(flight["segments"])
         )
 
     def control(self, i: int) -> Array:
         """Segments (n, 4, 2) that a vehicle has flown."""
-        return self._job.flights.paths[i, : self._job.flights.segments[i]].copy()
+        return self._job.paths[i, : self._job.flights[i]["segments"]].copy()
 
     def refused(self, i: int) -> Array | None:
         """The segment (4, 2) that ended a flight without being flown, if one did."""
-        flights = self._job.flights
-        if flights.outcome[i] == NOT_STARTED:
+        flight = self._job.flights[i]
+        if flight["outcome"] == NOT_STARTED:
             return None
-        if Outcome.from_code(int(flights.outcome[i])) in FLOWN:
+        if Outcome.from_code(int(flight["outcome"])) in FLOWN:
             return None
-        control: Array = flights.paths[i, flights.segments[i]].copy()
+        control: Array = self._job.paths[i, flight["segments"]].copy()
         return control

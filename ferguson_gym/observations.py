@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +11,8 @@ from ferguson_gym.actions import heading, share_of_steepest
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 
-Observation: TypeAlias = dict[str, NDArray[np.float32]]
 Single: TypeAlias = NDArray[np.float32]
+Observation: TypeAlias = dict[str, Single]
 
 VIEW = 30.0
 """Lengths in observations are parts of this [m], two of the longest segments."""
@@ -21,35 +21,37 @@ KINDS = ("discs", "rays")
 """What obstacles are seen as: the nearest discs, or ranges along rays (a lidar)."""
 
 
-class Sight(NamedTuple):
-    """Observations of N vehicles; what a kind does not show has size zero."""
+class Layout(NamedTuple):
+    """Where a flat observation has its entries; in the order of `gymnasium.spaces.flatten`."""
 
-    vehicle: Single
-    """(N, 6)."""
-    goal: Single
-    """(N, 3)."""
-    obstacles: Single
-    """(N, 4 K)."""
-    mask: Single
-    """(N, K)."""
-    rays: Single
-    """(N, R)."""
+    nearest: int
+    """K discs that are seen; 0 where rays are."""
+    ways: Single
+    """Directions (2, R) in the vehicle's frame of the ranges that are seen; (2, 0) where
+    discs are."""
+    focus: float
+    """Discs are seen that are nearest to the point this far ahead [m]."""
 
-
-def shapes(kind: str, nearest: int, rays: int) -> dict[str, tuple[int, ...]]:
-    """Shape of each entry of one vehicle's observation, in order."""
-    common: dict[str, tuple[int, ...]] = {"vehicle": (6,), "goal": (3,)}
-    if kind == "rays":
-        return common | {"rays": (rays,)}
-    return common | {"obstacles": (4 * nearest,), "mask": (nearest,)}
+    def entries(self) -> dict[str, int]:
+        """Number of values of each entry, in order."""
+        if rays := self.ways.shape[1]:
+            return {"goal": 3, "rays": rays, "vehicle": 6}
+        return {"goal": 3, "mask": self.nearest, "obstacles": 4 * self.nearest, "vehicle": 6}
 
 
-def empty_sight(entries: dict[str, tuple[int, ...]], number: int) -> Sight:
-    """Memory for the observations of a number of vehicles."""
-    none = {"obstacles": (0,), "mask": (0,), "rays": (0,)}
-    return Sight(
-        *(np.empty((number, *(entries.get(key) or none[key])), np.float32) for key in Sight._fields)
-    )
+def rays_around(number: int) -> Single:
+    """Directions (2, number) all around, the first one forward, then to the left."""
+    angles = 2.0 * np.pi * np.arange(number) / max(number, 1)
+    return np.array([np.cos(angles), np.sin(angles)], np.float32)
+
+
+def entries_of(flat: Single, layout: Layout) -> Observation:
+    """Copies of the entries of flat observations (*batch, n)."""
+    entries, start = {}, 0
+    for key, size in layout.entries().items():
+        entries[key] = flat[..., start : start + size].copy()
+        start += size
+    return entries
 
 
 @compiled
@@ -59,8 +61,8 @@ def _clipped(value: float) -> float:
 
 @compiled
 def look(
-    sight: Sight,
-    i: int,
+    row: Single,
+    layout: Layout,
     position: Array,
     derivative: Array,
     left: float,
@@ -68,14 +70,13 @@ def look(
     bounds: Array,
     columns: Array,
     radii: Array,
-    focus: float,
-    work: Any,
+    work: Array,
 ) -> None:
-    """Fill row i of the observations; the environment's docstring says with what.
+    """Fill a flat observation; the environment's docstring says with what.
 
     Args:
-        sight: where it is written.
-        i: the row.
+        row: where it is written.
+        layout: of it.
         position: (2,) [m].
         derivative: (2,) [m per unit t].
         left: segments left, part of all.
@@ -83,48 +84,51 @@ def look(
         bounds: (2, 2) [m].
         columns: (2, M) centres of the discs.
         radii: (M,); rows of padding have a radius of minus infinity.
-        focus: discs are seen that are nearest to the point this far ahead [m].
         work: scratch (3, M).
     """
     turn = heading(derivative[0], derivative[1])
     cos, sin = turn.real, turn.imag
-    for d in range(2):
-        low, high = bounds[0, d], bounds[1, d]
-        sight.vehicle[i, d] = _clipped(2.0 * (position[d] - low) / (high - low) - 1.0)
-    sight.vehicle[i, 2] = _clipped(cos)
-    sight.vehicle[i, 3] = _clipped(sin)
-    speed = np.sqrt(derivative[0] ** 2 + derivative[1] ** 2)
-    sight.vehicle[i, 4] = _clipped(share_of_steepest(speed))
-    sight.vehicle[i, 5] = left
-
     x, y = goal[0] - position[0], goal[1] - position[1]
     distance = np.sqrt(x * x + y * y)
     diagonal = np.sqrt((bounds[1, 0] - bounds[0, 0]) ** 2 + (bounds[1, 1] - bounds[0, 1]) ** 2)
-    sight.goal[i, 0] = _clipped(distance / diagonal)
-    sight.goal[i, 1] = _clipped((cos * x + sin * y) / distance) if distance > 0.0 else 1.0
-    sight.goal[i, 2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
+    row[0] = _clipped(distance / diagonal)
+    row[1] = _clipped((cos * x + sin * y) / distance) if distance > 0.0 else 1.0
+    row[2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
 
-    if sight.mask.shape[1] > 0:
-        _nearest(sight, i, position, cos, sin, columns, radii, focus, work)
-    if sight.rays.shape[1] > 0:
-        _ranges(sight.rays[i], position, turn, bounds, columns, radii)
+    rays = layout.ways.shape[1]
+    if rays > 0:
+        own = 3 + rays
+        _ranges(row[3:own], layout.ways, position, turn, bounds, columns, radii)
+    else:
+        own = 3 + 5 * layout.nearest
+        _nearest(row[3:own], layout, position, cos, sin, columns, radii, work)
+
+    for d in range(2):
+        low, high = bounds[0, d], bounds[1, d]
+        row[own + d] = _clipped(2.0 * (position[d] - low) / (high - low) - 1.0)
+    row[own + 2] = _clipped(cos)
+    row[own + 3] = _clipped(sin)
+    speed = np.sqrt(derivative[0] ** 2 + derivative[1] ** 2)
+    row[own + 4] = _clipped(share_of_steepest(speed))
+    row[own + 5] = left
 
 
 @compiled
 def _nearest(
-    sight: Sight,
-    i: int,
+    part: Single,
+    layout: Layout,
     position: Array,
     cos: float,
     sin: float,
     columns: Array,
     radii: Array,
-    focus: float,
-    work: Any,
+    work: Array,
 ) -> None:
-    number, discs = sight.mask.shape[1], len(radii)
+    """Fill mask (K,) and obstacles (4 K,): discs within VIEW, nearest to the focus first."""
+    number, discs = layout.nearest, len(radii)
+    mask, rows = part[:number], part[number:]
     distance, near, disc = work[0], work[1], work[2]
-    x, y = position[0] + focus * cos, position[1] + focus * sin
+    x, y = position[0] + layout.focus * cos, position[1] + layout.focus * sin
     for k in range(discs):
         along, across = columns[0, k] - x, columns[1, k] - y
         distance[k] = np.sqrt(along * along + across * across) - radii[k]
@@ -132,9 +136,8 @@ def _nearest(
     for k in range(discs):  # without a branch, which no processor could predict
         near[seen], disc[seen] = distance[k], k
         seen += distance[k] < VIEW
-    rows, mask = sight.obstacles[i], sight.mask[i]
-    rows[:] = 0.0
-    mask[:] = 0.0
+    for j in range(len(part)):
+        part[j] = 0.0
     for m in range(seen):
         j = 0
         for other in range(seen):
@@ -152,31 +155,50 @@ def _nearest(
 
 
 @compiled
-def _ray(j: int, rays: int) -> complex:
-    angle = 2.0 * np.pi * j / rays
-    return complex(np.cos(angle), np.sin(angle))
-
-
-@compiled
 def _ranges(
-    rays: Single, position: Array, turn: complex, bounds: Array, columns: Array, radii: Array
+    ranges: Single,
+    ways: Single,
+    position: Array,
+    turn: complex,
+    bounds: Array,
+    columns: Array,
+    radii: Array,
 ) -> None:
-    for j in range(len(rays)):
-        way = turn * _ray(j, len(rays))
-        reach = VIEW
-        for d in range(2):
-            step = way.real if d == 0 else way.imag
-            if step != 0.0:
-                wall = bounds[1, d] if step > 0.0 else bounds[0, d]
-                reach = min(reach, (wall - position[d]) / step)
-        rays[j] = max(reach, 0.0) / VIEW
+    """Fill ranges (R,) to the nearest disc or bound along ways (2, R) in the vehicle's frame.
+
+    In single precision and without branches in the loops over rays: they become vector
+    instructions, and the result is of single precision anyway.
+    """
+    cos, sin = np.float32(turn.real), np.float32(turn.imag)
+    none, one = np.float32(0.0), np.float32(1.0)
+    tiny = np.float32(1e-30)
+    west, east = np.float32(bounds[0, 0] - position[0]), np.float32(bounds[1, 0] - position[0])
+    south, north = np.float32(bounds[0, 1] - position[1]), np.float32(bounds[1, 1] - position[1])
+    view = np.float32(VIEW)
+    for j in range(len(ranges)):
+        x = cos * ways[0, j] - sin * ways[1, j]
+        y = sin * ways[0, j] + cos * ways[1, j]
+        x = x if abs(x) > tiny else tiny
+        y = y if abs(y) > tiny else tiny
+        along = (east if x > none else west) / x
+        across = (north if y > none else south) / y
+        reach = along if along < across else across
+        reach = reach if reach < view else view
+        ranges[j] = reach if reach > none else none
     for k in range(len(radii)):
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-        if not radii[k] > 0.0 or x * x + y * y >= (VIEW + radii[k]) ** 2:
+        if not 0.0 < radii[k] or x * x + y * y >= (VIEW + radii[k]) ** 2:
             continue
-        for j in range(len(rays)):
-            way = turn * _ray(j, len(rays))
-            along, across = way.real * x + way.imag * y, way.real * y - way.imag * x
-            half2 = radii[k] * radii[k] - across * across
-            if along > 0.0 and half2 > 0.0:
-                rays[j] = min(rays[j], max(along - np.sqrt(half2), 0.0) / VIEW)
+        ahead = np.float32(turn.real * x + turn.imag * y)
+        left = np.float32(turn.real * y - turn.imag * x)
+        square = np.float32(radii[k] * radii[k])
+        for j in range(len(ranges)):
+            along = ways[0, j] * ahead + ways[1, j] * left
+            across = ways[0, j] * left - ways[1, j] * ahead
+            half2 = square - across * across
+            reach = along - np.sqrt(half2 if half2 > none else none)
+            reach = reach if reach > none else none
+            hit = half2 > none and along > none and reach < ranges[j]
+            ranges[j] = reach if hit else ranges[j]
+    for j in range(len(ranges)):
+        ranges[j] *= one / view

@@ -53,7 +53,7 @@ def _maximin(draws: Array) -> Array:
                     square += (design[i, c] - design[j, c]) ** 2
                 least = min(least, square)
         if least > spread:
-            best[:], spread = design, least
+            best, design, spread = design, best, least
     return best
 
 

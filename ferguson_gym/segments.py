@@ -13,7 +13,7 @@ import numpy as np
 from ferguson_gym.arc_length import DEPTH as PIECES
 from ferguson_gym.arrays import Array
 from ferguson_gym.bernstein import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
-from ferguson_gym.compilation import compiled
+from ferguson_gym.compilation import compiled, compiled_in_place
 from ferguson_gym.crew import borrowed
 from ferguson_gym.splines import coordinate_extent
 
@@ -69,12 +69,12 @@ def borrowed_scratch(scratch: Scratch) -> Scratch:
     )
 
 
-@compiled
+@compiled_in_place
 def _margin(scale: float, largest: float) -> float:
     return _MARGIN * scale + _GRAIN * largest
 
 
-@compiled
+@compiled_in_place
 def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
     """Fill Bézier points of X - c; return the outward margin of their distances."""
     points, axes = scratch.points, scratch.axes
@@ -90,7 +90,7 @@ def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
     return _margin(_largest_norm(points, CUBIC, axes), largest)
 
 
-@compiled
+@compiled_in_place
 def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
     largest2 = 0.0
     for i in range(len(rows)):
@@ -101,7 +101,7 @@ def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
     return float(np.sqrt(largest2))
 
 
-@compiled
+@compiled_in_place
 def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
     """Least component of Bézier points along their sum; no point of the curve has less."""
     total2 = 0.0
@@ -122,7 +122,7 @@ def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
     return float(least / np.sqrt(total2)) if total2 > 0.0 else 0.0
 
 
-@compiled
+@compiled_in_place
 def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
     """Fill start and extent of a segment's chord; return its square and the curve's deviation.
 
@@ -151,7 +151,7 @@ def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
     return square, 0.75 * float(np.sqrt(deviation2))
 
 
-@compiled
+@compiled_in_place
 def _bounds(columns: Array, radii: Array, square: float, reach: float, scratch: Scratch) -> int:
     """Fill work[0] with lower bounds of the distances to discs; return where it is least."""
     chord, axes, bounds = scratch.chord, scratch.axes, scratch.work[0]
@@ -176,7 +176,7 @@ def _bounds(columns: Array, radii: Array, square: float, reach: float, scratch: 
     return least
 
 
-@compiled
+@compiled_in_place
 def segment_clearance(
     control: Array, columns: Array, radii: Array, below: float, scratch: Scratch
 ) -> float:
@@ -211,7 +211,7 @@ def segment_clearance(
     return best
 
 
-@compiled
+@compiled_in_place
 def _nearer(
     control: Array, columns: Array, radii: Array, k: int, best: float, scratch: Scratch
 ) -> float:
@@ -233,7 +233,7 @@ def _nearer(
     return min(best, clearance)
 
 
-@compiled
+@compiled_in_place
 def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[float, float]:
     """Least speed of one segment (4, D) and its parameter; at least `enough` is proof enough."""
     points, axes = scratch.points, scratch.axes
@@ -259,7 +259,7 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
     return max(0.0, norm - margin), where
 
 
-@compiled
+@compiled_in_place
 def segment_room(control: Array, bounds: Array) -> float:
     """Least distance of one segment (4, D) inside the bounds (2, D) [m]."""
     room = np.inf

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.observations import KINDS, shapes
+from ferguson_gym.observations import KINDS, Layout, rays_around
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.rewards import Prices
 from ferguson_gym.suites import (
@@ -42,9 +42,9 @@ class Settings:
     observation: str = "discs"
     nearest: int = 12
     focus: float = 0.0
-    rays: int = 32
-    detour: float = 1.0
-    failure: float = 1.0
+    rays: int = 64
+    detour: float = 4.0
+    failure: float = 2.0
     capacity: int | None = None
 
     def __post_init__(self) -> None:
@@ -91,9 +91,11 @@ class Settings:
         return altered(self.suite, self.obstacles, radii)
 
     @property
-    def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Shape of each entry of an observation."""
-        return shapes(self.observation, self.nearest, self.rays)
+    def layout(self) -> Layout:
+        """Layout of observations."""
+        if self.observation == "rays":
+            return Layout(0, rays_around(int(self.rays)), 0.0)
+        return Layout(int(self.nearest), rays_around(0), float(self.focus))
 
     @property
     def most(self) -> int:

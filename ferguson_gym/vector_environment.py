@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
-from ferguson_gym.batch import Flags, Report
+from ferguson_gym.batch import Flags, Records
 from ferguson_gym.environment import (
     INFOS,
     action_space,
@@ -28,7 +28,7 @@ from ferguson_gym.environment import (
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
 from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation, Sight
+from ferguson_gym.observations import Observation, Single, entries_of
 from ferguson_gym.outcome import Outcome
 
 _MODES = {
@@ -102,7 +102,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._fleet = Fleet(self.settings, num_envs, _MODES[self.autoreset_mode])
-        self._keys = tuple(self.settings.shapes)
+        self._layout = self.settings.layout
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []
         self._seeds: list[int] = []
@@ -164,7 +164,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         ]
         self._fleet.begin(chosen, asked, streams, renewed)
         self._streams, self._seeds = streams, drawn_from
-        return self._seen(self._fleet.sight), self._infos(self._fleet.report, chosen)
+        return self._seen(), self._infos(self._fleet.reports, chosen)
 
     def _mask(self, mask: object) -> Flags:
         if mask is None:
@@ -220,33 +220,33 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 "call reset(options={'reset_mask': mask}) for them first"
             )
         self._fleet.step(as_actions(actions, (self.num_envs, 4)), self._streams)
-        report = self._fleet.report
-        terminated, truncated = report.terminated.copy(), report.truncated.copy()
-        infos = self._infos(report, self._all)
+        reports = self._fleet.reports
+        terminated, truncated = reports["terminated"].copy(), reports["truncated"].copy()
+        infos = self._infos(reports, self._all)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
             if ended.any():
                 infos |= self._final(*self._fleet.last, ended)
-        return self._seen(self._fleet.sight), report.reward.copy(), terminated, truncated, infos
+        return self._seen(), reports["reward"].copy(), terminated, truncated, infos
 
-    def _seen(self, sight: Sight) -> Observation:
-        return {key: getattr(sight, key).copy() for key in self._keys}
+    def _seen(self) -> Observation:
+        return entries_of(self._fleet.seen, self._layout)
 
-    def _infos(self, report: Report, known: Flags) -> dict[str, Any]:
+    def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
         infos: dict[str, Any] = {}
         for key in INFOS:
-            infos[key], infos[f"_{key}"] = getattr(report, key).copy(), known.copy()
+            infos[key], infos[f"_{key}"] = reports[key].copy(), known.copy()
         return infos
 
-    def _final(self, sight: Sight, report: Report, ended: Flags) -> dict[str, Any]:
-        seen = self._seen(sight)
+    def _final(self, flat: Single, reports: Records, ended: Flags) -> dict[str, Any]:
+        seen = entries_of(flat, self._layout)
         observations = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended).tolist():
             observations[i] = {key: value[i] for key, value in seen.items()}
         return {
             "final_obs": observations,
             "_final_obs": ended.copy(),
-            "final_info": self._infos(report, ended),
+            "final_info": self._infos(reports, ended),
             "_final_info": ended.copy(),
         }
 

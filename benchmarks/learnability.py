@@ -1,0 +1,333 @@
+"""What makes the environment learnable: PPO on standard/train, judged by SPL on validation.
+
+Run it from a checkout with the extra `agents`:
+
+    .venv/bin/python benchmarks/learnability.py study --out results/learnability
+    .venv/bin/python benchmarks/learnability.py train --minutes 60 --out results/ppo
+
+`study` gives every variant the same number of steps and the same two seeds, one variant
+after another, and goes on where it was stopped; `train` flies the chosen settings for an hour.
+Both choose on standard/validation:0-199; `train` reports standard/validation:200-999.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+
+from agents.vec_env import ObstacleFieldVecEnv
+from ferguson_gym.actions import (
+    AHEAD,
+    REACH,
+    STEEPEST,
+    encode,
+    end_point,
+    share_of_steepest,
+)
+from ferguson_gym.catalog import select
+from ferguson_gym.vector_environment import VectorObstacleField
+from planners.shortest import exact_length
+
+ENVIRONMENTS = 256
+CHOSEN: dict[str, Any] = {"observation": "rays"}
+"""Arguments of the environment, where a variant does not say otherwise."""
+CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
+
+LEARNER: dict[str, Any] = {
+    "n_steps": 32,
+    "batch_size": 512,
+    "n_epochs": 8,
+    "learning_rate": 5e-4,
+    "gamma": 0.9,
+    "gae_lambda": 0.9,
+}
+POLICY: dict[str, Any] = {"net_arch": {"pi": [256, 256], "vf": [256, 256]}, "log_std_init": -1.5}
+
+Change = Callable[[Any], Any]
+
+
+class Wrapped(VecEnvWrapper):
+    """Environments whose observations or actions mean something else."""
+
+    def __init__(self, venv: VecEnv, see: Change, act: Change) -> None:
+        super().__init__(venv)
+        self._see, self._act = see, act
+
+    def reset(self) -> Any:
+        """Start all flights."""
+        return self._see(self.venv.reset())
+
+    def step_async(self, actions: Any) -> None:
+        """Hand on what the actions mean."""
+        self.venv.step_async(self._act(actions))
+
+    def step_wait(self) -> Any:
+        """Step, and show what is seen in the other way."""
+        seen, reward, done, infos = self.venv.step_wait()
+        for info in infos:
+            if "terminal_observation" in info:
+                info["terminal_observation"] = self._see(info["terminal_observation"][None])[0]
+        return self._see(seen), reward, done, infos
+
+
+def as_it_is(value: Any) -> Any:
+    """No change."""
+    return value
+
+
+def slopes_stay(actions: Any) -> Any:
+    """Actions whose end derivative does not turn with the end point."""
+    return np.array([_slope_stays(action) for action in actions])
+
+
+def _slope_stays(action: Any) -> Any:
+    end = REACH * end_point(float(action[0]), float(action[1]))
+    ahead = share_of_steepest(AHEAD)
+    share = (ahead + action[2]) / (1.0 + ahead * action[2])
+    slope = STEEPEST * np.sinh(4.0 * np.array([share, action[3]])) / np.sinh(4.0)
+    segment = [[0.0, 0.0], [end.real, end.imag], [1.0, 0.0], slope]
+    try:
+        return encode(segment, np.zeros(2), np.array([1.0, 0.0]))
+    except ValueError:  # steeper than any feasible segment
+        return action
+
+
+def a_third(actions: Any) -> Any:
+    """Actions that stay near straight flight."""
+    return actions / 3.0
+
+
+def in_the_world(seen: Any) -> Any:
+    """Flat observations of discs, in axes that do not turn with the vehicle."""
+    seen = seen.copy()
+    cos, sin = seen[:, -4, None], seen[:, -3, None]
+    first = 3 + (seen.shape[1] - 9) // 5
+    rows = np.arange(first, seen.shape[1] - 6, 4)
+    ahead, left = np.r_[1, rows], np.r_[2, rows + 1]
+    x, y = seen[:, ahead], seen[:, left]
+    seen[:, ahead], seen[:, left] = cos * x - sin * y, sin * x + cos * y
+    return seen
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """What differs from the chosen settings."""
+
+    environment: dict[str, Any] = field(default_factory=dict)
+    learner: dict[str, Any] = field(default_factory=dict)
+    see: Change = as_it_is
+    """Of flat observations (n, size)."""
+    act: Change = as_it_is
+    """Of actions (n, 4)."""
+    before: dict[str, Any] | None = None
+    """Arguments of the environment in the first half of the steps: a curriculum."""
+
+
+VARIANTS: dict[str, Variant] = {
+    "chosen": Variant(),
+    "32 rays": Variant(environment={"rays": 32}),
+    "16 rays": Variant(environment={"rays": 16}),
+    "12 discs": Variant(environment={"observation": "discs"}),
+    "6 discs": Variant(environment={"observation": "discs", "nearest": 6}),
+    "12 discs, nearest to a point 9 m ahead": Variant(
+        environment={"observation": "discs", "focus": 9.0}
+    ),
+    "12 discs, world's frame": Variant(environment={"observation": "discs"}, see=in_the_world),
+    "end derivative does not turn": Variant(act=slopes_stay),
+    "a third of the action": Variant(act=a_third),
+    "detour 0.5, failure 1": Variant(environment={"detour": 0.5, "failure": 1.0}),
+    "detour 1, failure 1": Variant(environment={"detour": 1.0, "failure": 1.0}),
+    "detour 4, failure 0.5": Variant(environment={"failure": 0.5}),
+    "detour 4, failure 1": Variant(environment={"failure": 1.0}),
+    "detour 4, failure 4": Variant(environment={"failure": 4.0}),
+    "detour 8, failure 2": Variant(environment={"detour": 8.0}),
+    "discount 0.99": Variant(learner={"gamma": 0.99, "gae_lambda": 0.95}),
+    "discount 0.97": Variant(learner={"gamma": 0.97, "gae_lambda": 0.95}),
+    "sparse fields first": Variant(before={"suite": "sparse"}),
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """Of deterministic flights; SPL as the design defines it."""
+
+    spl: float
+    success: float
+    length: float
+    """Median over arrivals [m]."""
+    outcomes: list[int]
+    """Flights by outcome code."""
+
+
+def fly(model: PPO, variant: Variant, fields: str) -> Score:
+    """Fly the policy's mean action through fields, all at once."""
+    flown = list(select(fields))
+    envs = VectorObstacleField(
+        len(flown), autoreset_mode="Disabled", fields=1, **{**CHOSEN, **variant.environment}
+    )
+    seen, info = envs.reset(seed=0, options={"field": flown})
+    over = np.zeros(len(flown), np.bool_)
+    outcome, length = np.zeros(len(flown), np.int64), np.zeros(len(flown))
+    while not over.all():
+        flat = np.concatenate(list(seen.values()), axis=1)
+        actions, _ = model.predict(variant.see(flat), deterministic=True)
+        seen, _, terminated, truncated, info = envs.step(variant.act(np.clip(actions, -1.0, 1.0)))
+        ended = terminated | truncated
+        first = ended & ~over
+        outcome[first], length[first] = info["outcome"][first], info["path_length"][first]
+        over |= ended
+        if ended.any():
+            seen, _ = envs.reset(options={"reset_mask": ended, "field": flown})
+    exact = np.array([exact_length(one) for one in flown], np.float64)
+    arrived = outcome == 1
+    spl = np.where(arrived, exact / np.maximum(length, exact), 0.0)
+    return Score(
+        spl=float(spl.mean()),
+        success=float(arrived.mean()),
+        length=float(np.median(length[arrived])) if arrived.any() else float("nan"),
+        outcomes=np.bincount(outcome, minlength=9).tolist(),
+    )
+
+
+class Watch(BaseCallback):
+    """Evaluates now and then, keeps the best policy, and stops after so many seconds."""
+
+    def __init__(self, variant: Variant, every: int, seconds: float, out: Path) -> None:
+        super().__init__()
+        self.curve: list[dict[str, Any]] = []
+        self._variant, self._every, self._seconds, self._out = variant, every, seconds, out
+        self._began, self._next = time.monotonic(), every
+
+    @property
+    def best(self) -> float:
+        """Highest SPL seen."""
+        return max((point["spl"] for point in self.curve), default=-1.0)
+
+    def _on_step(self) -> bool:
+        return time.monotonic() - self._began < self._seconds
+
+    def _on_rollout_end(self) -> None:
+        if self.num_timesteps < self._next:
+            return
+        self._next += self._every
+        score = fly(self.model, self._variant, CHOSEN_ON)
+        if score.spl > self.best:
+            self.model.save(self._out / "best.zip")
+        minutes = (time.monotonic() - self._began) / 60.0
+        point = {"steps": self.num_timesteps, "minutes": minutes, **vars(score)}
+        self.curve.append(point)
+        (self._out / "curve.json").write_text(json.dumps(self.curve, indent=1) + "\n")
+        print(
+            f"{self.num_timesteps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "
+            f"success {score.success:.3f}   {score.length:.1f} m",
+            flush=True,
+        )
+
+
+def environments(variant: Variant, seed: int, arguments: dict[str, Any]) -> VecEnv:
+    """The environments of a run, seeded."""
+    envs = ObstacleFieldVecEnv(
+        ENVIRONMENTS,
+        flat=True,
+        fields=100_000,
+        **{**CHOSEN, **variant.environment, **arguments},
+    )
+    envs.seed(seed * ENVIRONMENTS)
+    return Wrapped(envs, variant.see, variant.act)
+
+
+def learn(
+    variant: Variant, seed: int, steps: int, seconds: float, every: int, out: Path, **learner: Any
+) -> tuple[PPO, Watch]:
+    """Train a policy."""
+    out.mkdir(parents=True, exist_ok=True)
+    watch = Watch(variant, every, seconds, out)
+    half = steps // 2 if variant.before else 0
+    model = PPO(
+        "MlpPolicy",
+        environments(variant, seed, variant.before or {}),
+        seed=seed,
+        device="cpu",
+        policy_kwargs=POLICY,
+        **{**LEARNER, **variant.learner, **learner},
+    )
+    if half:
+        model.learn(half, callback=watch)
+        model.set_env(environments(variant, seed + 1, {}))
+    model.learn(steps - half, callback=watch, reset_num_timesteps=not half)
+    return model, watch
+
+
+def study(steps: int, seeds: int, out: Path) -> None:
+    """Train every variant for the same number of steps, and print the table."""
+    rows = []
+    for name, variant in VARIANTS.items():
+        scores = []
+        for seed in range(seeds):
+            place = out / name.replace(" ", "-").replace(",", "").replace("'", "") / str(seed)
+            done = place / "score.json"
+            if not done.exists():
+                print(f"{name}, seed {seed}", flush=True)
+                model, _ = learn(variant, seed, steps, 1e9, steps, place)
+                done.write_text(json.dumps(vars(fly(model, variant, CHOSEN_ON))))
+            scores.append(Score(**json.loads(done.read_text())))
+        rows.append((name, scores))
+    print(f"\nafter {steps} steps: SPL, success, median length of arrivals [m]; one column a seed")
+    for name, scores in rows:
+        cells = "   ".join(f"{s.spl:.3f} {s.success:.3f} {s.length:6.1f}" for s in scores)
+        print(f"{name:42} {cells}")
+
+
+def train(minutes: float, seed: int, out: Path) -> None:
+    """Train the chosen settings for so many minutes; the learning rate falls with the time."""
+    began = time.monotonic()
+
+    def rate(_: float) -> float:
+        left = 1.0 - (time.monotonic() - began) / (60.0 * minutes)
+        return float(LEARNER["learning_rate"] * max(left, 0.05))
+
+    variant = VARIANTS["chosen"]
+    _, watch = learn(variant, seed, 10**9, 60.0 * minutes, 500_000, out, learning_rate=rate)
+    best = PPO.load(out / "best.zip", device="cpu")
+    score = fly(best, variant, REPORTED_ON)
+    (out / "score.json").write_text(json.dumps(vars(score), indent=1) + "\n")
+    steps = watch.curve[-1]["steps"]
+    print(
+        f"{steps} steps in {minutes:g} minutes; on {REPORTED_ON}: SPL {score.spl:.3f}, "
+        f"success {score.success:.3f}, median length {score.length:.1f} m"
+    )
+
+
+def main() -> None:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    commands = parser.add_subparsers(required=True)
+    one = commands.add_parser("study", help="compare variants")
+    one.add_argument("--steps", type=int, default=500_000)
+    one.add_argument("--seeds", type=int, default=2)
+    one.set_defaults(run=lambda given: study(given.steps, given.seeds, given.out))
+    two = commands.add_parser("train", help="train the chosen settings")
+    two.add_argument("--minutes", type=float, default=60.0)
+    two.add_argument("--seed", type=int, default=0)
+    two.set_defaults(run=lambda given: train(given.minutes, given.seed, given.out))
+    for command in (one, two):
+        command.add_argument("--out", type=Path, required=True)
+        command.add_argument("--threads", type=int, default=2)
+    given = parser.parse_args()
+    torch.set_num_threads(given.threads)
+    given.run(given)
+
+
+if __name__ == "__main__":
+    main()
