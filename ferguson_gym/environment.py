@@ -112,40 +112,52 @@ class ObstacleField(gym.Env[Observation, Action]):
     | --- | --- | --- | --- | --- |
     | 0 | end point, forward (with entry 1 at 0) | 15 m back | 9 m ahead | 15 m ahead |
     | 1 | end point, to the left (with entry 0 at 0) | -7.1 m | 0 m | 7.1 m |
-    | 2 | end derivative, forward | -66 m | 9 m | 66 m |
-    | 3 | end derivative, to the left | -66 m | 0 m | 66 m |
+    | 2 | end derivative, along its first axis | -66 m | 9 m | 66 m |
+    | 3 | end derivative, along its second axis | -66 m | 0 m | 66 m |
 
     Entries 0 and 1 act together: the end point is 15.001 m (q + z) / (1 + q z) with
-    z = a[0] + i a[1] and q = 9 / 15.001, the real axis forward. An end point within 1 m of the goal
-    is moved onto the goal.
+    z = a[0] + i a[1] and q = 9 / 15.001, the real axis forward. The axes of the end derivative
+    are turned by 2 y / 9 m for an end point y to the left, so that end points alone fly arcs.
+    An end point within the gate of the goal is moved onto the goal.
 
     ## Observation space
-    `Dict`, float32, all in [-1, 1]; lengths are parts of 45 m unless said otherwise and
-    are clipped there.
+    `Dict` of vectors, float32, all in [-1, 1]; lengths are parts of 30 m unless said otherwise
+    and are clipped there. `gymnasium.wrappers.FlattenObservation` makes one vector of it.
 
-    | key | shape | holds | range |
+    | key | size | holds | range |
     | --- | --- | --- | --- |
-    | vehicle | (6,) | position within the bounds, x and y | -1..1 |
+    | vehicle | 6 | position within the bounds, x and y | -1..1 |
     | | | heading, cosine and sine | -1..1 |
-    | | | speed, part of 66 m per unit t | 0..1 |
-    | | | segments left, part of 40 | 0..1 |
-    | goal | (3,) | distance, part of the bounds' diagonal | 0..1 |
+    | | | speed v as actions scale it, asinh(v sinh(4) / 66 m) / 4 | 0..1 |
+    | | | segments left, part of all | 0..1 |
+    | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
-    | obstacles | (nearest, 4) | nearest first: centre, forward and to the left | -1..1 |
-    | | | radius; distance from the surface | 0..1 |
-    | mask | (nearest,) | 1 for an obstacle, 0 for a row of padding | 0..1 |
+
+    and, with `observation="discs"` (the default), the obstacles within 30 m, or, with
+    `observation="rays"`, what a lidar would measure:
+
+    | key | size | holds | range |
+    | --- | --- | --- | --- |
+    | obstacles | 4 `nearest` | rows of four, nearest first: centre, forward and left | -1..1 |
+    | | | radius; distance from the surface | -1..1 |
+    | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
+    | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
+
+    Obstacles are nearest to the point `focus` metres ahead of the vehicle, by the distance from
+    their surface. With a plain network rays learn faster (docs/learnability.md).
 
     ## Reward
-    `(progress - length / 2) / D`, with progress the decrease of the straight distance to
-    the goal, length the segment's arc length and D the straight distance from start to
-    goal (141.42 m); less 1 when the flight ends anywhere but on the goal. A step's reward
-    lies between -1.16 (a longest segment straight back that is the last one) and 0.054 (the
-    same straight to the goal). A successful flight
-    of L metres returns 1 - L / (2 D), at most 0.5; a failure at most -0.5.
+    `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
+    distance to the goal, length the segment's arc length and D the straight distance from
+    start to goal (141.42 m); less `failure` when the flight ends anywhere but on the goal.
+    Progress telescopes and no segment is shorter than its progress, so circling never pays. A
+    successful flight of L metres returns 1 - detour (L / D - 1). With the prices as they are,
+    `detour` 4 and `failure` 2, a step's reward lies between -2.95 (a longest segment straight
+    back that is the last one) and 0.106 (the same straight to the goal).
 
     ## Starting state
     (0, 0), with a derivative of 5 m per unit t towards the goal. `reset(seed=s)` flies the
-    field `SUITE/SPLIT:s`; later resets draw seeds from `np_random`;
+    field `SUITE/SPLIT:s`; later resets draw seeds below `fields` from `np_random`;
     `reset(options={"field": field})` flies a given field, a `Field` or its name.
 
     ## Termination
@@ -154,7 +166,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     the bounds (-10, 110). A refused segment is not flown: the state stays.
 
     ## Truncation
-    After 40 segments.
+    After `segments` segments.
 
     ## Info
     | key | type | holds |
@@ -166,21 +178,39 @@ class ObstacleField(gym.Env[Observation, Action]):
     | segments | int | flown so far |
 
     ## Arguments
-    `suite`: standard, sparse, dense, forest or traps. `split`: train, validation or test.
-    `nearest`: number of obstacles in the observation. `render_mode`: human or rgb_array.
+    All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment.
+
+    | argument | default | means |
+    | --- | --- | --- |
+    | `suite` | standard | or sparse, dense, forest, traps |
+    | `split` | train | or validation, test |
+    | `fields` | 10000 | seeds that later resets draw from: 0 to `fields` - 1 |
+    | `obstacles` | None | number of obstacles, where it is not the suite's |
+    | `radii` | None | their (least, greatest) radius [m], where it is not the suite's |
+    | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
+    | `segments` | 40 | segments of a flight |
+    | `observation` | discs | or rays |
+    | `nearest` | 12 | obstacles that are seen |
+    | `focus` | 0.0 | how far ahead [m] the point is to which they are nearest |
+    | `rays` | 64 | rays, all around |
+    | `detour`, `failure` | 4.0, 2.0 | prices in the reward |
+    | `capacity` | None | obstacles that a field may have, where it is more than the suite's |
+    | `render_mode` | None | or human, rgb_array |
 
     ```python
     import gymnasium as gym
     import ferguson_gym
 
     env = gym.make("ferguson/ObstacleField-v0", suite="standard", split="train")
+    envs = gym.make_vec("ferguson/ObstacleField-v0", num_envs=256)
     ```
 
     ## Version history
     - v0: first version.
 
     Raises:
-        ValueError: an unknown suite, split or render mode, or `nearest` below 1.
+        ValueError: an argument that makes no sense.
+        TypeError: an unknown argument.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (Gymnasium declares it so)

@@ -187,7 +187,7 @@ def _ranges(
         ranges[j] = reach if reach > none else none
     for k in range(len(radii)):
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-        if not 0.0 < radii[k] or x * x + y * y >= (VIEW + radii[k]) ** 2:
+        if not radii[k] > 0.0 or x * x + y * y >= (VIEW + radii[k]) ** 2:
             continue
         ahead = np.float32(turn.real * x + turn.imag * y)
         left = np.float32(turn.real * y - turn.imag * x)
