@@ -8,13 +8,11 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import math
-import signal
 import time
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, closing, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import resource_tracker
 from typing import Any, NamedTuple, Protocol
 
 import gymnasium as gym
@@ -22,6 +20,7 @@ import numpy as np
 from gymnasium.vector import SyncVectorEnv, VectorEnv
 from numpy.typing import NDArray
 
+from agents.env_processes import in_processes
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.fleet import BLOCK
 from ferguson_gym.settings import Settings
@@ -199,7 +198,7 @@ def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
         ours(" for SB3", 256, _adapter, ForBaselines, share=True),
         # each of the 16 holds fields of its own: together as many as the others
         ours(" SyncVectorEnv", 16, _one_after_another, Together, apart=16),
-        ours(" SubprocVecEnv", 2, in_processes, ForBaselines),
+        ours(" SubprocVecEnv", 2, _in_processes, ForBaselines),
         Entry(
             name="CartPole-v1",
             number=1,
@@ -235,34 +234,5 @@ def _adapter(number: int, **arguments: Any) -> AbstractContextManager[Any]:
     return closing(ObstacleFieldVecEnv(number, **arguments))
 
 
-@contextmanager
-def in_processes(number: int, **arguments: Any) -> Iterator[Any]:
-    """Scalar environments in processes of their own, which end with the block in any case."""
-    from stable_baselines3.common.vec_env import SubprocVecEnv
-
-    with _uninterrupted():  # spawned, for a process with threads must not be forked
-        envs = SubprocVecEnv([partial(_make, **arguments)] * number, start_method="spawn")
-    try:
-        yield envs
-        envs.close()
-    finally:
-        # after an interruption there may be half an answer in a pipe: no polite words
-        for process, pipe in zip(envs.processes, envs.remotes, strict=True):
-            process.terminate()
-            process.join()
-            pipe.close()
-        envs.closed = True
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Put an interruption off; processes started meanwhile never see one, and print nothing."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    resource_tracker.ensure_running()  # to start it later would let interruptions through
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+def _in_processes(number: int, **arguments: Any) -> AbstractContextManager[Any]:
+    return in_processes([partial(_make, **arguments)] * number)
