@@ -115,7 +115,7 @@ def _prepare_env(options: argparse.Namespace) -> Job:
 
     if options.out is not None:
         check_directory(options.out)
-    plan = env_bench.Plan(
+    request = env_bench.Request(
         observation=options.observation,
         seconds=options.seconds,
         rounds=options.rounds,
@@ -125,7 +125,7 @@ def _prepare_env(options: argparse.Namespace) -> Job:
     entries = env_drivers.entries(options.observation)
 
     def job() -> int:
-        env_bench.bench(entries, plan, options.out)
+        env_bench.bench(entries, request, options.out)
         return DONE
 
     return job

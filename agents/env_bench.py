@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import importlib.metadata
 import json
+import math
 import platform
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
@@ -53,7 +54,7 @@ _NONE = "-"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Request:
     """What is asked for."""
 
     observation: str
@@ -65,15 +66,15 @@ class Plan:
     """Also time a first step that has to compile."""
 
 
-def bench(entries: Sequence[Entry], plan: Plan, out: Path | None) -> None:
+def bench(entries: Sequence[Entry], request: Request, out: Path | None) -> None:
     """Measure; print the tables, write steps.csv and summary.json."""
     console = tables.console()
     present = [entry for entry in entries if not entry.missing]
     missing = [Row(entry.name, entry.number) for entry in entries if entry.missing]
-    slices = measure(present, plan, console)
+    slices = measure(present, request, console)
     with console.status("fresh processes"):
-        fresh = fresh_start.measure(plan.observation, plan.first_step)
-    report = summary(slices, missing, fresh, plan)
+        fresh = fresh_start.measure(request.observation, request.first_step)
+    report = summary(slices, missing, fresh, request)
     for table in (speeds(report), ratios(report), starts(report)):
         console.print(table)
         console.print()
@@ -84,7 +85,7 @@ def bench(entries: Sequence[Entry], plan: Plan, out: Path | None) -> None:
             temporary.write_text(json.dumps(report, indent=2) + "\n")
 
 
-def measure(entries: Sequence[Entry], plan: Plan, console: Console) -> Slices:
+def measure(entries: Sequence[Entry], request: Request, console: Console) -> Slices:
     """Warm all up, then give each its slice in every round."""
     drivers = []
     slices: dict[Row, list[Slice]] = {}
@@ -95,22 +96,22 @@ def measure(entries: Sequence[Entry], plan: Plan, console: Console) -> Slices:
     )
     with ExitStack() as stack:
         stack.enter_context(progress)
-        task = progress.add_task("", total=(1 + plan.rounds) * len(entries))
+        task = progress.add_task("", total=(1 + request.rounds) * len(entries))
         for entry in entries:
             row = Row(entry.name, entry.number)
             progress.update(task, description=f"warming up: {row}", refresh=True)
-            rng = np.random.default_rng(plan.seed)
+            rng = np.random.default_rng(request.seed)
             driver = entry.driver(stack.enter_context(entry.make()), entry.actions(rng))
             entry.warm_up(driver, rng)
-            driver.run(plan.seconds)
+            driver.run(request.seconds)
             drivers.append((row, driver))
             slices[row] = []
             progress.advance(task)
-        for k in range(plan.rounds):
-            progress.update(task, description=f"round {k + 1} of {plan.rounds}")
+        for k in range(request.rounds):
+            progress.update(task, description=f"round {k + 1} of {request.rounds}")
             for row, driver in drivers:
                 progress.refresh()
-                slices[row].append(driver.run(plan.seconds))
+                slices[row].append(driver.run(request.seconds))
                 progress.advance(task)
     return slices
 
@@ -121,7 +122,7 @@ def speed(slices: Sequence[Slice]) -> Array:
 
 
 def summary(
-    slices: Slices, missing: Sequence[Row], fresh: Mapping[str, float | None], plan: Plan
+    slices: Slices, missing: Sequence[Row], fresh: Mapping[str, float | None], request: Request
 ) -> dict[str, Any]:
     """All that the tables show, and where it was measured."""
     environments = []
@@ -140,7 +141,7 @@ def summary(
         if of in slices and to in slices
     ]
     return {
-        **asdict(plan),
+        **asdict(request),
         "environments": environments,
         "not_installed": [row._asdict() for row in missing],
         "ratios": compared,
@@ -221,7 +222,7 @@ def ratios(report: Mapping[str, Any]) -> Table:
         cells = (one[key] for key in ("median", "least", "greatest"))
         rows.add_row(
             f"{Row(**one['of'])} : {Row(**one['to'])}",
-            *(f"{cell:.3f}" if cell < 1.0 else f"{cell:.1f}" for cell in cells),
+            *(f"{cell:.{max(0, 2 - math.floor(math.log10(cell)))}f}" for cell in cells),
         )
     return rows
 
@@ -233,7 +234,7 @@ def starts(report: Mapping[str, Any]) -> Table:
         "Fresh processes",
         "what",
         "took",
-        caption=f"medians of {fresh_start.STARTS} starts; starting the interpreter is left out",
+        caption=f"times without the interpreter's own start; medians of {fresh_start.STARTS}",
     )
     for what, key, scale, unit in (
         ("import ferguson_gym", "import_seconds", 1.0, "s"),

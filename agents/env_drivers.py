@@ -95,7 +95,7 @@ class Together:
         terminations: list[NDArray[np.bool_]] = []
         truncations: list[NDArray[np.bool_]] = []
         began = now = time.perf_counter()
-        while now < began + seconds or not terminations:
+        while now < began + seconds or len(terminations) < 2:  # one may reset all
             _, _, terminated, truncated, _ = envs.step(next(actions))
             terminations.append(terminated)
             truncations.append(truncated)
