@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
@@ -26,8 +27,8 @@ def console() -> Console:
 def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
     """A table without rows in the look of all; its first column holds words, the rest numbers."""
     table = Table(
-        title=title,
-        caption=caption,
+        title=escape(title),
+        caption=None if caption is None else escape(caption),
         title_justify="left",
         caption_justify="left",
         box=box.SIMPLE_HEAD,
