@@ -52,6 +52,16 @@ LEARNER: dict[str, Any] = {
     "gamma": 0.9,
     "gae_lambda": 0.9,
 }
+REFINING: dict[str, Any] = {
+    "n_steps": 128,
+    "batch_size": 2048,
+    "n_epochs": 5,
+    "learning_rate": 4e-4,
+    "gamma": 0.95,
+    "gae_lambda": 0.95,
+}
+"""The learner's second phase, when `FIRST_SHARE` of the time is over."""
+FIRST_SHARE, REFINING_DEVIATION = 0.1, 0.06
 POLICY: dict[str, Any] = {"net_arch": {"pi": [256, 256], "vf": [256, 256]}, "log_std_init": -1.5}
 
 Change = Callable[[Any], Any]
@@ -207,30 +217,33 @@ class Watch(BaseCallback):
         super().__init__()
         self.curve: list[dict[str, Any]] = []
         self._variant, self._every, self._seconds, self._out = variant, every, seconds, out
-        self._began, self._next = time.monotonic(), every
+        self._began, self._before = time.monotonic(), 0
+        out.mkdir(parents=True, exist_ok=True)
 
-    @property
-    def best(self) -> float:
-        """Highest SPL seen."""
-        return max((point["spl"] for point in self.curve), default=-1.0)
+    def go_on(self, variant: Variant, seconds: float) -> None:
+        """Watch the next phase, until so many seconds after the beginning of the first."""
+        self._variant, self._seconds = variant, seconds
+        self._before += self.num_timesteps
 
     def _on_step(self) -> bool:
         return time.monotonic() - self._began < self._seconds
 
     def _on_rollout_end(self) -> None:
-        if self.num_timesteps < self._next:
+        steps = self._before + self.num_timesteps
+        if steps < self._every * (len(self.curve) + 1):
             return
-        self._next += self._every
         score = fly(self.model, self._variant, CHOSEN_ON)
-        if score.spl > self.best:
+        if score.spl > max((point["spl"] for point in self.curve), default=-1.0):
             self.model.save(self._out / "best.zip")
         minutes = (time.monotonic() - self._began) / 60.0
-        point = {"steps": self.num_timesteps, "minutes": minutes, **vars(score)}
-        self.curve.append(point)
+        deviation = float(self.model.policy.log_std.exp().mean().detach())
+        self.curve.append(
+            {"steps": steps, "minutes": minutes, "deviation": deviation, **vars(score)}
+        )
         (self._out / "curve.json").write_text(json.dumps(self.curve, indent=1) + "\n")
         print(
-            f"{self.num_timesteps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "
-            f"success {score.success:.3f}   {score.length:.1f} m",
+            f"{steps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "
+            f"success {score.success:.3f}   {score.length:.1f} m   deviation {deviation:.3f}",
             flush=True,
         )
 
@@ -248,25 +261,32 @@ def environments(variant: Variant, seed: int, arguments: dict[str, Any]) -> VecE
 
 
 def learn(
-    variant: Variant, seed: int, steps: int, seconds: float, every: int, out: Path, **learner: Any
-) -> tuple[PPO, Watch]:
-    """Train a policy."""
-    out.mkdir(parents=True, exist_ok=True)
-    watch = Watch(variant, every, seconds, out)
+    variant: Variant,
+    seed: int,
+    steps: int,
+    watch: Watch,
+    weights: dict[str, Any] | None = None,
+    rate: Callable[[float], float] | None = None,
+) -> PPO:
+    """Train a policy, from given weights if there are any."""
     half = steps // 2 if variant.before else 0
+    learner = {**LEARNER, **variant.learner} | ({"learning_rate": rate} if rate else {})
     model = PPO(
         "MlpPolicy",
         environments(variant, seed, variant.before or {}),
         seed=seed,
         device="cpu",
         policy_kwargs=POLICY,
-        **{**LEARNER, **variant.learner, **learner},
+        **learner,
     )
+    if weights is not None:
+        model.policy.load_state_dict(weights)
+        with torch.no_grad():
+            model.policy.log_std.fill_(float(np.log(REFINING_DEVIATION)))
     if half:
         model.learn(half, callback=watch)
         model.set_env(environments(variant, seed + 1, {}))
-    model.learn(steps - half, callback=watch, reset_num_timesteps=not half)
-    return model, watch
+    return model.learn(steps - half, callback=watch, reset_num_timesteps=not half)
 
 
 def study(steps: int, seeds: int, out: Path) -> None:
@@ -279,7 +299,7 @@ def study(steps: int, seeds: int, out: Path) -> None:
             done = place / "score.json"
             if not done.exists():
                 print(f"{name}, seed {seed}", flush=True)
-                model, _ = learn(variant, seed, steps, 1e9, steps, place)
+                model = learn(variant, seed, steps, Watch(variant, steps, 1e9, place))
                 done.write_text(json.dumps(vars(fly(model, variant, CHOSEN_ON))))
             scores.append(Score(**json.loads(done.read_text())))
         rows.append((name, scores))
@@ -290,22 +310,28 @@ def study(steps: int, seeds: int, out: Path) -> None:
 
 
 def train(minutes: float, seed: int, out: Path) -> None:
-    """Train the chosen settings for so many minutes; the learning rate falls with the time."""
+    """Train the chosen settings, then refine: failure dearer, larger batches, smaller steps.
+
+    With the dearer failure from the beginning, policies learn to fly around the field.
+    """
+    seconds, first = 60.0 * minutes, VARIANTS["chosen"]
+    second = Variant(environment={"failure": 4.0}, learner=REFINING)
+    watch = Watch(first, 500_000, FIRST_SHARE * seconds, out)
+    model = learn(first, seed, 10**9, watch)
     began = time.monotonic()
 
     def rate(_: float) -> float:
-        left = 1.0 - (time.monotonic() - began) / (60.0 * minutes)
-        return float(LEARNER["learning_rate"] * max(left, 0.05))
+        left = 1.0 - (time.monotonic() - began) / ((1.0 - FIRST_SHARE) * seconds)
+        return float(REFINING["learning_rate"] * max(left, 0.02))
 
-    variant = VARIANTS["chosen"]
-    _, watch = learn(variant, seed, 10**9, 60.0 * minutes, 500_000, out, learning_rate=rate)
+    watch.go_on(second, seconds)
+    learn(second, seed + 1, 10**9, watch, model.policy.state_dict(), rate)
     best = PPO.load(out / "best.zip", device="cpu")
-    score = fly(best, variant, REPORTED_ON)
+    score = fly(best, second, REPORTED_ON)
     (out / "score.json").write_text(json.dumps(vars(score), indent=1) + "\n")
-    steps = watch.curve[-1]["steps"]
     print(
-        f"{steps} steps in {minutes:g} minutes; on {REPORTED_ON}: SPL {score.spl:.3f}, "
-        f"success {score.success:.3f}, median length {score.length:.1f} m"
+        f"{watch.curve[-1]['steps']} steps in {minutes:g} minutes; on {REPORTED_ON}: SPL "
+        f"{score.spl:.3f}, success {score.success:.3f}, median length {score.length:.1f} m"
     )
 
 
