@@ -20,7 +20,9 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 from ferguson_gym.splines import as_control
 
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(12)
+NODES = 12
+"""Of the quadrature on a piece."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(NODES)
 _REACH = (3.0 + 1.0 / 3.0) / 2.0
 """Largest |s| on the Bernstein ellipse of sum 3."""
 _NEGLIGIBLE = 2e-12
@@ -30,10 +32,19 @@ DEPTH = 64
 
 
 @compiled
-def segment_length(control: Array, stack: Array, axes: tuple[int, ...]) -> float:
-    """Arc length of one segment (4, D); `stack` is scratch (DEPTH, 3, D), `axes` (0, .., D - 1)."""
+def segment_length(
+    control: Array, stack: Array, widths: Array, speed2: Array, axes: tuple[int, ...]
+) -> float:
+    """Arc length of one segment (4, D).
+
+    Args:
+        control: (4, D) segment.
+        stack: scratch (DEPTH, 3, D).
+        widths: scratch (DEPTH,).
+        speed2: scratch (NODES,).
+        axes: (0, ..., D - 1), a tuple, whose length the compiler knows.
+    """
     dimension = len(axes)
-    widths, speed2 = np.empty(DEPTH), np.empty(len(_NODES))
     scale = 0.0
     for d in range(dimension):
         leave, arrive = control[2, d], control[3, d]
@@ -66,18 +77,18 @@ def segment_length(control: Array, stack: Array, axes: tuple[int, ...]) -> float
             third2 += third**2
         if np.sqrt(bb) * _REACH + np.sqrt(cc) * _REACH**2 <= 0.4 * np.sqrt(aa):
             # nodes innermost, so that the loops become vector instructions
-            for node in range(len(_NODES)):
+            for node in range(NODES):
                 speed2[node] = 0.0
             for d in range(dimension):
                 first, second, third = stack[top, 0, d], stack[top, 1, d], stack[top, 2, d]
                 a = 0.25 * (first + 2.0 * second + third)
                 b = 0.5 * (third - first)
                 c = 0.25 * (first - 2.0 * second + third)
-                for node in range(len(_NODES)):
+                for node in range(NODES):
                     s = _NODES[node]
                     speed2[node] += (a + s * (b + s * c)) ** 2
             piece = 0.0
-            for node in range(len(_NODES)):
+            for node in range(NODES):
                 piece += _WEIGHTS[node] * np.sqrt(speed2[node])
             total += 0.5 * width * piece
             top -= 1
@@ -102,9 +113,10 @@ def segment_length(control: Array, stack: Array, axes: tuple[int, ...]) -> float
 @compiled
 def _lengths(control: Array, axes: tuple[int, ...]) -> Array:
     result = np.empty(len(control))
-    stack = np.empty((DEPTH, 3, control.shape[2]))
+    stack, widths = np.empty((DEPTH, 3, control.shape[2])), np.empty(DEPTH)
+    speed2 = np.empty(NODES)
     for index in range(len(control)):
-        result[index] = segment_length(control[index], stack, axes)
+        result[index] = segment_length(control[index], stack, widths, speed2, axes)
     return result
 
 

@@ -111,7 +111,7 @@ def first_failure(
     # NaN fails every test
     if not segment_speed(control, limits.slowest, scratch)[0] - limits.slowest >= -slack:
         return NOT_REGULAR, 0.0, 0.0
-    length = segment_length(control, scratch.pieces, scratch.axes)
+    length = segment_length(control, scratch.pieces, scratch.widths, scratch.speed2, scratch.axes)
     if not length - limits.shortest >= -slack:
         return TOO_SHORT, 0.0, 0.0
     if not limits.longest - length >= -slack:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.arc_length import DEPTH as PIECES
+from ferguson_gym.arc_length import NODES
 from ferguson_gym.arrays import Array
 from ferguson_gym.bernstein import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
 from ferguson_gym.compilation import compiled, compiled_in_place
@@ -36,6 +37,8 @@ class Scratch(NamedTuple):
     spans: Array
     coefficients: Array
     pieces: Array
+    widths: Array
+    speed2: Array
 
 
 @compiled
@@ -51,6 +54,8 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
         np.empty((DEPTH, 2)),
         np.empty((2, 7)),
         np.empty((PIECES, 3, dimension)),
+        np.empty(PIECES),
+        np.empty(NODES),
     )
 
 
@@ -66,6 +71,8 @@ def borrowed_scratch(scratch: Scratch) -> Scratch:
         borrowed(scratch.spans),
         borrowed(scratch.coefficients),
         borrowed(scratch.pieces),
+        borrowed(scratch.widths),
+        borrowed(scratch.speed2),
     )
 
 
