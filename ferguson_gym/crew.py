@@ -137,7 +137,8 @@ class _Bell:
 
     def sleep(self) -> None:
         self._asleep = True
-        self._lock.acquire()
+        if not self.over:  # which may have come while there was no need to ring
+            self._lock.acquire()
 
 
 def _serve(bell: _Bell, help_out: Callable[[], None]) -> None:
