@@ -36,28 +36,36 @@ class World(NamedTuple):
 
 
 class Bank:
-    """Holds fields of at most M = `capacity` discs; start, goal and bounds are the usual ones."""
+    """Holds fields of at most M = `capacity` discs.
+
+    A slot takes memory when a field is put into it: the system provides zeros on first use.
+    """
 
     def __init__(self, slots: int, capacity: int) -> None:
         self.capacity = capacity
-        common = Field(name="without obstacles", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
+        self._usual = Field(name="usual", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
         self.world = World(
-            places=np.empty(slots, PLACE),
+            places=np.zeros(slots, PLACE),
             columns=np.zeros((slots, 2, max(capacity, 1))),
-            radii=np.full((slots, max(capacity, 1)), -np.inf),
+            radii=np.zeros((slots, max(capacity, 1))),
         )
-        self._place(slice(None), common)
         self.held: NDArray[np.bool_] = np.zeros(slots, np.bool_)
         """Slots that hold a field."""
 
-    def grow(self, capacity: int) -> None:
-        """Make room for more discs in each field."""
-        more = capacity - self.world.radii.shape[1]
-        if more > 0:
-            self.world = self.world._replace(
-                columns=np.pad(self.world.columns, ((0, 0), (0, 0), (0, more))),
-                radii=np.pad(self.world.radii, ((0, 0), (0, more)), constant_values=-np.inf),
-            )
+    def make_room(self, field: Field) -> None:
+        """Let fields have as many discs as this one.
+
+        Raises:
+            TypeError, ValueError: as `check`, but for the number of discs.
+        """
+        capacity = len(self._discs(field))
+        if capacity > self.world.radii.shape[1]:
+            held, old = np.flatnonzero(self.held), self.world
+            columns, radii = (np.zeros((*x.shape[:-1], capacity)) for x in (old.columns, old.radii))
+            columns[held, :, : old.radii.shape[1]] = old.columns[held]
+            radii[held] = -np.inf
+            radii[held, : old.radii.shape[1]] = old.radii[held]
+            self.world = old._replace(columns=columns, radii=radii)
         self.capacity = max(self.capacity, capacity)
 
     def check(self, field: Field) -> None:
@@ -67,6 +75,14 @@ class Bank:
             TypeError: obstacles other than discs.
             ValueError: a field that is not planar, or with more discs than fit.
         """
+        if (number := len(self._discs(field))) > self.capacity:
+            raise ValueError(
+                f"field {field.name} has {number} obstacles, the environment holds at most "
+                f"{self.capacity}: make it with capacity={number} or more"
+            )
+
+    @staticmethod
+    def _discs(field: Field) -> Discs:
         discs = field.obstacles
         if not isinstance(discs, Discs):
             raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
@@ -74,26 +90,21 @@ class Bank:
             raise ValueError(
                 f"flights are planar, field {field.name} has {discs.dimension} dimensions"
             )
-        if len(discs) > self.capacity:
-            raise ValueError(
-                f"field {field.name} has {len(discs)} obstacles, the environment holds at most "
-                f"{self.capacity}: make it with capacity={len(discs)} or more"
-            )
+        return discs
 
     def put(self, slot: int, field: Field) -> None:
         """Lay out a field that was checked."""
         assert isinstance(field.obstacles, Discs)
-        self._place(slot, field)
-        self.put_discs(slot, field.obstacles)
-
-    def _place(self, slot: int | slice, field: Field) -> None:
-        places = self.world.places
-        for key in ("start", "departure", "goal", "bounds", "distance"):
-            places[key][slot] = getattr(field, key)
+        self._put(slot, field, field.obstacles)
 
     def put_discs(self, slot: int, discs: Discs) -> None:
-        """Lay out discs alone, where the rest is in place already."""
+        """Lay out a field of discs with the usual start, goal and bounds."""
+        self._put(slot, self._usual, discs)
+
+    def _put(self, slot: int, field: Field, discs: Discs) -> None:
         world = self.world
+        for key in ("start", "departure", "goal", "bounds", "distance"):
+            world.places[key][slot] = getattr(field, key)
         world.columns[slot, :, : len(discs)] = discs.centers.T
         world.radii[slot, : len(discs)] = discs.radii
         world.radii[slot, len(discs) :] = -np.inf

@@ -68,8 +68,12 @@ class Fleet:
         return self._job.flights["outcome"]
 
     def make_room(self, field: Field) -> None:
-        """Let fields have as many obstacles as this one."""
-        self._bank.grow(len(field.obstacles))
+        """Let fields have as many obstacles as this one.
+
+        Raises:
+            TypeError, ValueError: as `Bank.make_room`.
+        """
+        self._bank.make_room(field)
         self._job = self._job._replace(world=self._bank.world)
 
     def begin(

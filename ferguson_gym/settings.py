@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from numbers import Integral, Real
 
+from ferguson_gym.arrays import finite
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.observations import KINDS, Layout, rays_around
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.rewards import Prices
 from ferguson_gym.suites import (
-    LAST_SEED,
     SUITES,
     Recipe,
     Scattered,
@@ -20,6 +21,10 @@ from ferguson_gym.suites import (
     suite_discs,
 )
 
+MOST_FIELDS = 1_000_000
+"""That resets may draw from: each has its place in an array."""
+MOST_OBSTACLES = 10_000
+"""That a field may have room for."""
 MOST_IN_TRAPS = 117
 """Five pockets of at most 21 discs, and 12 single ones."""
 
@@ -49,10 +54,17 @@ class Settings:
 
     def __post_init__(self) -> None:
         check_suite(self.suite, self.split)
-        if not 1 <= self.fields <= LAST_SEED:
-            raise ValueError(f"resets need fields >= 1 to draw from, got {self.fields}")
-        if self.radii is not None and len(self.radii) != 2:
-            raise ValueError(f"radii are (least, greatest), got {self.radii!r}")
+        self._check_numbers()
+        if not 1 <= self.fields <= MOST_FIELDS:
+            raise ValueError(
+                f"resets draw from 1 to {MOST_FIELDS} fields, got fields={self.fields}"
+            )
+        for name in ("obstacles", "capacity"):
+            number = getattr(self, name)
+            if number is not None and not 0 <= number <= MOST_OBSTACLES:
+                raise ValueError(
+                    f"a field has 0 to {MOST_OBSTACLES} obstacles, got {name}={number}"
+                )
         if self.observation not in KINDS:
             raise ValueError(
                 f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
@@ -71,6 +83,18 @@ class Settings:
                 f"more than capacity={self.capacity}"
             )
         _ = self.limits, self.recipe  # they refuse what they cannot be made of
+
+    def _check_numbers(self) -> None:
+        whole = ("fields", "obstacles", "segments", "nearest", "rays", "capacity")
+        for name in (*whole, "gate", "focus", "detour", "failure"):
+            given = getattr(self, name)
+            if given is None and name in ("obstacles", "capacity"):
+                continue
+            if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
+                a_number = "a whole number" if name in whole else "a number"
+                raise ValueError(f"{name} must be {a_number}, got {given!r}")
+        if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
+            raise ValueError(f"radii are (least, greatest), got {self.radii!r}")
 
     @property
     def limits(self) -> Limits:
