@@ -103,9 +103,9 @@ def check_action(action: ArrayLike, where: str = "") -> Array:
     """Return an action (4,) in double precision.
 
     Raises:
-        ValueError: another shape, not finite, or outside [-1, 1]; the message ends on `where`.
+        ValueError: another shape, not finite, or outside [-1, 1]; the message says `where`.
     """
-    given = finite("action", action, (4,))
+    given = finite(f"action{where}", action, (4,))
     if np.abs(given).max() > 1.0:
         raise ValueError(
             f"an action lies in [-1, 1], got {np.asarray(action).tolist()}{where}; "

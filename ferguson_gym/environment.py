@@ -21,6 +21,7 @@ from ferguson_gym.flight import State
 from ferguson_gym.observations import Observation, entries_of
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.settings import Settings
+from ferguson_gym.suites import LAST_SEED
 
 RENDER_MODES = ("human", "rgb_array")
 INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
@@ -66,7 +67,21 @@ def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
     array = real("action", action)
     if array.shape != shape:
         raise ValueError(f"action must have shape {shape}, got {array.shape}")
-    return array.astype(np.float32)
+    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+        return array.astype(np.float32)
+
+
+def as_seed(seed: object) -> int | None:
+    """A seed as a plain number; None stays None.
+
+    Raises:
+        ValueError: anything else.
+    """
+    if seed is None:
+        return None
+    if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
+        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {seed!r}")
+    return int(seed)
 
 
 def chosen_field(options: Mapping[str, Any]) -> Any:
@@ -270,13 +285,15 @@ class ObstacleField(gym.Env[Observation, Action]):
         """Start a flight; see the class for which field it goes through.
 
         Raises:
-            ValueError: unknown options, or a field that is none.
+            TypeError: obstacles other than discs.
+            ValueError: unknown options, a field that is none or not planar, or a seed that is
+                no whole number from 0 to 2**63 - 1.
         """
-        given = chosen_field(options or {})
+        given, seed = chosen_field(options or {}), as_seed(seed)
         field = seed if given is None else as_field(given)
-        super().reset(seed=seed)
         if isinstance(field, Field):
             self._fleet.make_room(field)
+        super().reset(seed=seed)
         renewed = np.array([seed is not None])
         self._fleet.begin(_ONE, [field], [self.np_random], renewed)
         self._field = field if isinstance(field, Field) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import gymnasium as gym
 import numpy as np
@@ -21,6 +21,7 @@ from ferguson_gym.environment import (
     action_space,
     as_actions,
     as_field,
+    as_seed,
     chosen_field,
     observation_space,
     settings_of,
@@ -82,8 +83,8 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         **arguments: Any,
     ) -> None:
         self.settings = settings_of(arguments)
-        if num_envs < 1:
-            raise ValueError(f"need num_envs >= 1, got {num_envs}")
+        if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
+            raise ValueError(f"num_envs must be a whole number >= 1, got {num_envs!r}")
         if render_mode not in (None, "rgb_array"):
             raise ValueError(
                 f"unknown render mode {render_mode!r}; many environments know rgb_array only"
@@ -119,12 +120,26 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return tuple(self._seeds)
 
     def field(self, index: int) -> Field:
-        """The field that an environment flies."""
+        """The field that an environment flies.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        self._started()
         return self._fleet.field(index)
 
     def state(self, index: int) -> State:
-        """An environment's vehicle, exactly; observations are rounded and clipped."""
+        """An environment's vehicle, exactly; observations are rounded and clipped.
+
+        Raises:
+            RuntimeError: before the first reset.
+        """
+        self._started()
         return self._fleet.state(index)
+
+    def _started(self) -> None:
+        if not self._streams:
+            raise RuntimeError("no fields yet: call reset() first")
 
     def control(self, index: int) -> Array:
         """Segments (n, 4, 2) that an environment's flight has flown."""
@@ -143,8 +158,10 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         """Start flights, all or those of `options["reset_mask"]`.
 
         Raises:
+            TypeError: obstacles other than discs.
             ValueError: lists of another length than N, unknown options, a mask that is none
-                or chooses nothing, a field that is none or has too many obstacles.
+                or chooses nothing, a field that is none, not planar or has too many obstacles,
+                a seed that is no whole number from 0 to 2**63 - 1.
         """
         options = dict(options or {})
         chosen = self._mask(options.pop("reset_mask", None))
@@ -191,11 +208,14 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, (int, np.integer)):
-            return [int(seed) + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"need one seed or {self.num_envs}, got {len(seed)}")
-        return list(seed)
+        if np.ndim(cast("Any", seed)) == 0:
+            first = as_seed(seed)
+            assert first is not None
+            return [as_seed(first + i) for i in range(self.num_envs)]
+        each = list(cast("Sequence[int | None]", seed))
+        if len(each) != self.num_envs:
+            raise ValueError(f"need one seed or {self.num_envs}, got {len(each)}")
+        return [as_seed(one) for one in each]
 
     def step(  # type: ignore[override]
         self, actions: Action
@@ -210,8 +230,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             RuntimeError: no reset yet; autoreset is disabled and a flight is over.
         """
         outcome = self._fleet.outcome
-        if not self._streams:
-            raise RuntimeError("no fields yet: call reset() first")
+        self._started()
         if self.autoreset_mode is AutoresetMode.DISABLED and outcome.any():
             over = np.flatnonzero(outcome)
             raise RuntimeError(
