@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from ferguson_gym.environment import INFOS, as_actions
+from ferguson_gym.environment import INFOS, as_actions, chosen_field
 from ferguson_gym.vector_environment import VectorObstacleField
 
 Seen = NDArray[np.float32] | dict[str, NDArray[np.float32]]
@@ -50,15 +50,16 @@ class ObstacleFieldVecEnv(VecEnv):
         )
 
     def reset(self) -> Seen:
-        """Start all flights; seeds set by `seed` are used up by it."""
-        seeds = [None if seed is None else int(seed) for seed in self._seeds]
-        known = any(seed is not None for seed in seeds)
-        observation, infos = self.envs.reset(seed=seeds if known else None)
+        """Start all flights; what `seed` and `set_options` have set is used up by it.
+
+        Raises:
+            TypeError, ValueError: as the vector environment.
+        """
+        fields = [chosen_field(options) for options in self._options]
+        observation, infos = self.envs.reset(seed=self._seeds, options={"field": fields})
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos = [
-            {key: infos[key][i].item() for key in INFOS} for i in range(self.num_envs)
-        ]
+        self.reset_infos = _rows([infos[key] for key in INFOS])
         return self._laid_out(observation)
 
     def step_async(self, actions: NDArray[np.floating[Any]]) -> None:
@@ -74,13 +75,14 @@ class ObstacleFieldVecEnv(VecEnv):
         # what a flight that ended reported, not the flight that took its place
         columns = [infos[key] for key in INFOS]
         if done.any():
-            final = infos["final_info"]
+            begun, final = _rows(columns), infos["final_info"]
+            for i in np.flatnonzero(done).tolist():
+                self.reset_infos[i] = begun[i]
             columns = [
                 np.where(done, final[key], column)
                 for key, column in zip(INFOS, columns, strict=True)
             ]
-        rows = zip(*(column.tolist() for column in columns), strict=True)
-        reports: list[dict[str, Any]] = [dict(zip(INFOS, row, strict=True)) for row in rows]
+        reports = _rows(columns)
         for report in reports:
             report["TimeLimit.truncated"] = False
         for i in np.flatnonzero(done).tolist():
@@ -137,3 +139,9 @@ class ObstacleFieldVecEnv(VecEnv):
     def _get_indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
         chosen: Iterable[int] = super()._get_indices(indices)
         return chosen
+
+
+def _rows(columns: list[NDArray[Any]]) -> list[dict[str, Any]]:
+    """Each environment's info, from arrays of all."""
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [dict(zip(INFOS, row, strict=True)) for row in rows]
