@@ -56,7 +56,7 @@ def assert_same(mine: np.ndarray, theirs: np.ndarray, what: str) -> None:
 
 
 def assert_same_seen(mine: dict, theirs: dict) -> None:
-    assert list(mine) and set(mine) == set(theirs)
+    assert set(mine) == set(theirs)
     for key, value in mine.items():
         assert_same(value, theirs[key], key)
 

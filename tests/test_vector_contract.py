@@ -1,0 +1,165 @@
+"""The vector environment's contract with Gymnasium: making, spaces, wrappers, checkers."""
+
+import warnings
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import batch_space
+from gymnasium.wrappers import FlattenObservation
+from gymnasium.wrappers import vector as wrappers
+
+from ferguson_gym import ENVIRONMENT_ID
+from ferguson_gym.environment import ObstacleField
+from ferguson_gym.vector_environment import VectorObstacleField
+
+BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
+"""A segment that is refused."""
+NEXT_STEP, SAME_STEP, DISABLED = (
+    AutoresetMode.NEXT_STEP,
+    AutoresetMode.SAME_STEP,
+    AutoresetMode.DISABLED,
+)
+EVERY_ARGUMENT: dict[str, Any] = {
+    "suite": "dense",
+    "split": "validation",
+    "fields": 5,
+    "obstacles": 33,
+    "radii": (2.0, 4.0),
+    "gate": 2.5,
+    "segments": 17,
+    "observation": "rays",
+    "nearest": 3,
+    "focus": 4.0,
+    "rays": 9,
+    "detour": 0.5,
+    "failure": 2.0,
+    "capacity": 60,
+}
+OBSERVATIONS: list[dict] = [
+    {"observation": "discs", "nearest": 1},
+    {"observation": "discs", "focus": 10.0},
+    {"observation": "rays", "rays": 1},
+    {"observation": "rays"},
+]
+
+
+@pytest.mark.parametrize("arguments", [{}, EVERY_ARGUMENT], ids=["usual", "every argument"])
+@pytest.mark.parametrize("number", [1, 3])
+def test_make_by_name_and_again_from_the_spec(arguments: dict, number: int) -> None:
+    envs = gym.make_vec(
+        ENVIRONMENT_ID, num_envs=number, autoreset_mode="Disabled", render_mode=None, **arguments
+    )
+    assert isinstance(envs.unwrapped, VectorObstacleField)
+    assert envs.spec is not None
+    again = gym.make_vec(envs.spec)
+    assert again.num_envs == number
+    assert again.unwrapped.settings == envs.unwrapped.settings
+    single = gym.make(ENVIRONMENT_ID, **arguments).observation_space
+    for one in (envs, again):
+        assert one.metadata["autoreset_mode"] is DISABLED
+        assert one.single_observation_space == single
+        assert one.observation_space == batch_space(single, number)
+        assert one.single_action_space == gym.spaces.Box(-1.0, 1.0, (4,), np.float32)
+        assert one.action_space.shape == (number, 4)
+    first, second = envs.reset(seed=4)[0], again.reset(seed=4)[0]
+    assert envs.unwrapped.field(0).name == again.unwrapped.field(0).name
+    assert envs.observation_space.contains(first)
+    for key, value in first.items():
+        np.testing.assert_array_equal(value, second[key])
+
+
+def test_a_spec_makes_the_scalar_environment_again_with_every_argument() -> None:
+    env = gym.make(ENVIRONMENT_ID, **EVERY_ARGUMENT)
+    assert env.spec is not None
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert env.unwrapped.settings.radii == (2.0, 4.0)
+    for name, value in EVERY_ARGUMENT.items():
+        for one in (env, again):
+            given = getattr(one.unwrapped.settings, name)
+            assert (tuple(given) if name == "radii" else given) == value
+    (first, _), (second, _) = env.reset(seed=4), again.reset(seed=4)
+    assert env.unwrapped.field.name == again.unwrapped.field.name
+    for key, value in first.items():
+        np.testing.assert_array_equal(value, second[key])
+
+
+def test_autoreset_is_by_the_next_step_unless_said_otherwise() -> None:
+    assert VectorObstacleField.metadata["autoreset_mode"] is NEXT_STEP
+    for mode in AutoresetMode:
+        for given in (mode, mode.value):
+            envs = VectorObstacleField(2, autoreset_mode=given)
+            assert envs.metadata["autoreset_mode"] is envs.autoreset_mode is mode
+    assert gym.make_vec(ENVIRONMENT_ID, num_envs=2).metadata["autoreset_mode"] is NEXT_STEP
+    # the class's own is left alone
+    assert VectorObstacleField.metadata["autoreset_mode"] is NEXT_STEP
+
+
+@pytest.mark.parametrize("arguments", OBSERVATIONS)
+@pytest.mark.parametrize("flat", [False, True])
+def test_checkers_have_nothing_to_say(arguments: dict, flat: bool) -> None:
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        env = gym.make(ENVIRONMENT_ID, **arguments)
+        if not flat:
+            check_env(env.unwrapped, skip_render_check=True)
+        checker.check_env(FlattenObservation(env) if flat else env)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_episode_statistics_add_up(mode: AutoresetMode) -> None:
+    envs = wrappers.RecordEpisodeStatistics(VectorObstacleField(3, mode, segments=4))
+    envs.reset(seed=0)
+    total, length, ends = np.zeros(3), np.zeros(3), 0
+    stream, over = np.random.default_rng(0), np.zeros(3, bool)
+    for _ in range(60):
+        actions = stream.uniform(-0.1, 0.1, (3, 4)).astype(np.float32)
+        _, reward, terminated, truncated, infos = envs.step(actions)
+        begun = over & (mode is NEXT_STEP)
+        assert not reward[begun].any()
+        total, length = np.where(begun, 0.0, total + reward), np.where(begun, 0, length + 1)
+        over = terminated | truncated
+        if over.any():
+            np.testing.assert_allclose(infos["episode"]["r"][over], total[over], atol=1e-12)
+            np.testing.assert_array_equal(infos["episode"]["l"][over], length[over])
+            ends += over.sum()
+            if mode is DISABLED:
+                envs.reset(options={"reset_mask": over})
+            if mode is not NEXT_STEP:
+                total[over], length[over] = 0.0, 0
+    assert ends > 15
+
+
+def test_observations_can_be_flattened_as_a_whole() -> None:
+    envs = wrappers.FlattenObservation(gym.make_vec(ENVIRONMENT_ID, num_envs=3, nearest=5))
+    scalar = FlattenObservation(gym.make(ENVIRONMENT_ID, nearest=5))
+    flat, _ = envs.reset(seed=6)
+    assert envs.single_observation_space == scalar.observation_space
+    for i in range(3):
+        expected, _ = scalar.reset(seed=6 + i)
+        np.testing.assert_array_equal(flat[i], expected)
+    action = np.full((3, 4), 0.01, np.float32)
+    np.testing.assert_array_equal(envs.step(action)[0][2], scalar.step(action[2])[0])
+
+
+def test_pictures_show_each_flight() -> None:
+    envs = VectorObstacleField(2, render_mode="rgb_array")
+    with pytest.raises(RuntimeError, match="call reset"):
+        envs.render()
+    envs.reset(seed=0)
+    envs.step(np.array([np.zeros(4), BACK], np.float32))
+    images = envs.render()
+    assert images is not None
+    scalar = ObstacleField(render_mode="rgb_array")
+    scalar.reset(seed=0)
+    scalar.step(np.zeros(4, np.float32))
+    np.testing.assert_array_equal(images[0], scalar.render())
+    assert images[1].shape == (800, 800, 3)
+    assert (images[0] != images[1]).any()
+    envs.close()
+    envs.close()
+    assert envs.closed
