@@ -111,11 +111,16 @@ class ObstacleFieldVecEnv(VecEnv):
         return list(self.envs.render() or [])
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute, the same for all environments; their fields and states each its own."""
+        """An attribute, as single environments have it."""
         chosen = list(self._get_indices(indices))
+        if attr_name in ("observation_space", "action_space"):
+            return [getattr(self, attr_name)] * len(chosen)
+        value = getattr(self.envs, attr_name)
         if attr_name in ("field", "state", "control", "refused"):
-            return [getattr(self.envs, attr_name)(i) for i in chosen]
-        return [getattr(self.envs, attr_name)] * len(chosen)
+            return [value(i) for i in chosen]
+        if attr_name in ("np_random", "np_random_seed"):
+            return [value[i] for i in chosen]
+        return [value] * len(chosen)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Refused: what environments are made with stays as it is.
