@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
@@ -38,7 +37,7 @@ class World(NamedTuple):
 class Bank:
     """Holds fields of at most M = `capacity` discs.
 
-    A slot takes memory when a field is put into it: the system provides zeros on first use.
+    Slots behind the last that was filled take no memory: the system provides zeros on first use.
     """
 
     def __init__(self, slots: int, capacity: int) -> None:
@@ -49,8 +48,8 @@ class Bank:
             columns=np.zeros((slots, 2, max(capacity, 1))),
             radii=np.zeros((slots, max(capacity, 1))),
         )
-        self.held: NDArray[np.bool_] = np.zeros(slots, np.bool_)
-        """Slots that hold a field."""
+        self.used = 0
+        """Slots up to the last that was filled."""
 
     def make_room(self, field: Field) -> None:
         """Let fields have as many discs as this one.
@@ -60,11 +59,11 @@ class Bank:
         """
         capacity = len(self._discs(field))
         if capacity > self.world.radii.shape[1]:
-            held, old = np.flatnonzero(self.held), self.world
+            used, old = slice(self.used), self.world
             columns, radii = (np.zeros((*x.shape[:-1], capacity)) for x in (old.columns, old.radii))
-            columns[held, :, : old.radii.shape[1]] = old.columns[held]
-            radii[held] = -np.inf
-            radii[held, : old.radii.shape[1]] = old.radii[held]
+            columns[used, :, : old.radii.shape[1]] = old.columns[used]
+            radii[used] = -np.inf
+            radii[used, : old.radii.shape[1]] = old.radii[used]
             self.world = old._replace(columns=columns, radii=radii)
         self.capacity = max(self.capacity, capacity)
 
@@ -108,4 +107,4 @@ class Bank:
         world.columns[slot, :, : len(discs)] = discs.centers.T
         world.radii[slot, : len(discs)] = discs.radii
         world.radii[slot, len(discs) :] = -np.inf
-        self.held[slot] = True
+        self.used = max(self.used, slot + 1)

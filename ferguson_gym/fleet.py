@@ -34,7 +34,7 @@ class Fleet:
 
     The bank holds a slot for each vehicle, for fields that were asked for, and behind them
     one for each of the `settings.fields` seeds that later resets draw from; those are filled
-    when they are first drawn.
+    one after the other, by seeds that are drawn for the first time.
     """
 
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
@@ -59,6 +59,8 @@ class Fleet:
             last_reports=np.zeros(number, batch.REPORT),
         )
         self._given: list[Field | None] = [None] * number
+        self._drawn: list[int] = []
+        self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
         self._counters = new_counters()
         self._crew: Crew | None = None
 
@@ -140,11 +142,14 @@ class Fleet:
         """Draw a block of seeds for each vehicle that has used up its own."""
         flights = self._job.flights
         for i in np.flatnonzero(flights["next"] == BLOCK).tolist():
-            slots = self.number + streams[i].integers(self.settings.fields, size=BLOCK)
-            for slot in slots[~self._bank.held[slots]].tolist():
-                if not self._bank.held[slot]:
-                    self._bank.put_discs(slot, self.settings.discs(slot - self.number))
-            self._job.queue[i], flights["next"][i] = slots, 0
+            seeds = streams[i].integers(self.settings.fields, size=BLOCK)
+            for seed in seeds[self._slot_of[seeds] == 0].tolist():
+                if self._slot_of[seed] == 0:
+                    slot = self.number + len(self._drawn)
+                    self._bank.put_discs(slot, self.settings.discs(seed))
+                    self._slot_of[seed] = slot
+                    self._drawn.append(seed)
+            self._job.queue[i], flights["next"][i] = self._slot_of[seeds], 0
 
     @property
     def seen(self) -> Single:
@@ -165,7 +170,7 @@ class Fleet:
         """The field that a vehicle flies in."""
         slot = int(self._job.flights["slot"][i])
         given = self._given[slot] if slot < self.number else None
-        return given or self.settings.field(slot - self.number)
+        return given or self.settings.field(self._drawn[slot - self.number])
 
     def state(self, i: int) -> State:
         """A vehicle's state, exactly."""

@@ -11,7 +11,15 @@ import pytest
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.paper import is_from_paper, latin_hypercube, paper_field
-from ferguson_gym.suites import LAST_SEED, SPLITS, SUITES, suite_field
+from ferguson_gym.suites import (
+    LAST_SEED,
+    SPLITS,
+    SUITES,
+    Scattered,
+    altered,
+    suite_discs,
+    suite_field,
+)
 
 # coordinates to ten decimals and shortest paths to six, reconstructed independently
 PAPER = json.loads((Path(__file__).parent / "data" / "paper_fields.json").read_text())
@@ -172,3 +180,90 @@ def test_seeds_out_of_range_are_refused(suite, seed):
 def test_unknown_suites_and_splits_are_named(suite, split, message):
     with pytest.raises(ValueError, match=message):
         suite_field(suite, split, 0)
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_discs_of_a_suite_are_those_of_its_field(suite: str) -> None:
+    for split, seed in itertools.product(SPLITS, (0, 5, 2**40)):
+        discs, field = suite_discs(suite, split, seed), suite_field(suite, split, seed)
+        np.testing.assert_array_equal(discs.centers, field.obstacles.centers)
+        np.testing.assert_array_equal(discs.radii, field.obstacles.radii)
+
+
+def test_another_recipe_draws_from_the_suites_own_stream() -> None:
+    numbers = []
+
+    def recipe(stream: np.random.RandomState) -> Discs:
+        numbers.append(stream.random_sample())
+        return Discs([[numbers[-1], 0.0]], [1.0])
+
+    for suite, split, seed in (("standard", "train", 3), ("dense", "train", 3)) * 2:
+        discs = suite_discs(suite, split, seed, recipe)
+        assert discs.centers[0, 0] == numbers[-1]
+    assert numbers[:2] == numbers[2:]
+    assert numbers[0] != numbers[1]
+
+
+@pytest.mark.parametrize(
+    ("designs", "smallest", "largest"), [((25, 25), 3.0, 7.0), ((4,), 1.0, 1.0), ((), 2.0, 3.0)]
+)
+def test_scattered_discs_lie_on_latin_hypercubes(designs, smallest, largest):
+    discs = Scattered(designs, smallest, largest)(np.random.RandomState(7))
+    assert len(discs) == sum(designs)
+    assert (discs.radii >= smallest).all()
+    assert (discs.radii <= largest).all()
+    first = 0
+    for points in designs:
+        cells = np.floor((discs.centers[first : first + points] - 5.0) / 90.0 * points)
+        np.testing.assert_array_equal(
+            np.sort(cells, axis=0), np.stack([np.arange(points)] * 2, axis=-1)
+        )
+        first += points
+
+
+@pytest.mark.parametrize(
+    ("smallest", "largest"), [(0.0, 1.0), (-1.0, 1.0), (2.0, 1.0), (3.0, 7.001), (np.nan, 1.0)]
+)
+def test_radii_that_make_no_recipe_are_refused(smallest, largest):
+    with pytest.raises(ValueError, match=f"0 < smallest <= largest <= 7 m .* got {smallest} and"):
+        Scattered((5,), smallest, largest)
+
+
+@pytest.mark.parametrize(
+    ("suite", "obstacles", "designs"),
+    [
+        ("standard", 50, (25, 25)),
+        ("standard", 51, (25, 26)),
+        ("standard", 1, (1,)),
+        ("standard", 0, ()),
+        ("forest", 180, (60, 60, 60)),
+        ("forest", 100, (33, 33, 34)),
+        ("forest", 2, (1, 1)),
+    ],
+)
+def test_altered_recipes_spread_obstacles_over_the_suites_designs(suite, obstacles, designs):
+    recipe = altered(suite, obstacles=obstacles)
+    assert recipe.designs == designs
+    assert (recipe.smallest, recipe.largest) == (SUITES[suite].smallest, SUITES[suite].largest)
+
+
+def test_altered_recipes_keep_what_is_not_altered():
+    for suite in ("standard", "sparse", "dense", "forest"):
+        assert altered(suite) == SUITES[suite]
+        recipe = altered(suite, radii=(1, 2))
+        assert recipe == replace(SUITES[suite], smallest=1.0, largest=2.0)
+        assert isinstance(recipe.smallest, float)
+    own, thin = altered("standard"), altered("standard", radii=(1.0, 2.0))
+    many = [suite_discs("standard", "train", 3, recipe) for recipe in (own, thin)]
+    np.testing.assert_array_equal(many[0].centers, many[1].centers)
+    np.testing.assert_allclose((many[0].radii - 3.0) / 4.0, many[1].radii - 1.0, atol=1e-12)
+
+
+def test_recipes_that_cannot_be_altered_are_refused():
+    for arguments in ({}, {"obstacles": 3}, {"radii": (1.0, 2.0)}):
+        with pytest.raises(ValueError, match="suite 'traps' are fixed: they form pockets"):
+            altered("traps", **arguments)
+    with pytest.raises(ValueError, match="0 obstacles or more, got -1"):
+        altered("standard", obstacles=-1)
+    with pytest.raises(ValueError, match="radii"):
+        altered("standard", radii=(2.0, 8.0))

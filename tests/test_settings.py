@@ -1,0 +1,285 @@
+"""What the environments are made with: fields, difficulty, and what they cost in memory."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ferguson_gym.actions import encode
+from ferguson_gym.bank import Bank
+from ferguson_gym.environment import ObstacleField
+from ferguson_gym.fields import Field
+from ferguson_gym.fleet import BLOCK
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import MOST_FIELDS, MOST_OBSTACLES, Settings
+from ferguson_gym.suites import SUITES, suite_field
+from ferguson_gym.vector_environment import VectorObstacleField
+
+ROOT = Path(__file__).parent.parent
+OPEN = Field(name="open", obstacles=Discs([], []))
+SCATTERED = [suite for suite in SUITES if suite != "traps"]
+
+
+def assert_same_discs(one: Field, other: Field) -> None:
+    np.testing.assert_array_equal(one.obstacles.centers, other.obstacles.centers)
+    np.testing.assert_array_equal(one.obstacles.radii, other.obstacles.radii)
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_fields_are_the_suites_own_when_nothing_is_altered(suite: str) -> None:
+    env = ObstacleField(suite=suite, split="validation")
+    env.reset(seed=3)
+    for _ in range(3):
+        name = env.field.name
+        seed = int(name.removeprefix(f"{suite}/validation:"))
+        assert_same_discs(env.field, suite_field(suite, "validation", seed))
+        # the distance to what is flown through is that of the field
+        _, info = env.reset(options={"field": name})
+        assert info["clearance"] == env.field.obstacles.signed_distance(np.zeros(2)).min()
+        env.reset()
+
+
+@pytest.mark.parametrize("suite", SCATTERED)
+@pytest.mark.parametrize(
+    ("obstacles", "radii"),
+    [(0, None), (1, None), (33, None), (200, None), (None, (0.5, 2.0)), (7, [5, 5]), (50, (1, 7))],
+)
+def test_numbers_and_radii_of_obstacles_are_what_was_asked_for(
+    suite: str, obstacles: int | None, radii: Any
+) -> None:
+    envs = VectorObstacleField(3, suite=suite, obstacles=obstacles, radii=radii, fields=20)
+    usual = SUITES[suite]
+    low, high = (usual.smallest, usual.largest) if radii is None else radii
+    words = f"{suite}/train:[0-9]+"
+    if obstacles is not None:
+        words += f", {obstacles} obstacles"
+    if radii is not None:
+        words += f", radii {low:g} to {high:g} m"
+    for seed in (5, None, None):
+        envs.reset(seed=seed)
+        for i in range(3):
+            field = envs.field(i)
+            assert re.fullmatch(words, field.name)
+            expected = sum(usual.designs) if obstacles is None else obstacles
+            assert len(field.obstacles) == expected
+            if expected:
+                assert low <= field.obstacles.radii.min()
+                assert field.obstacles.radii.max() <= high
+            # the name is enough to find the field again
+            again = envs.settings.field(int(re.search(r":(\d+)", field.name)[1]))
+            assert again.name == field.name
+            assert_same_discs(again, field)
+    for i in range(3):
+        held = envs._fleet._job.world.radii[envs._fleet._job.flights.slot[i]]
+        np.testing.assert_array_equal(held[held > 0.0], envs.field(i).obstacles.radii)
+
+
+def test_as_many_obstacles_of_the_same_radii_are_the_suites_own_fields() -> None:
+    for suite, number in (("standard", 50), ("sparse", 20), ("dense", 70)):
+        same = Settings(suite=suite, obstacles=number, radii=(3, 7)).field(4)
+        assert_same_discs(same, suite_field(suite, "train", 4))
+
+
+def test_more_obstacles_crowd_the_field() -> None:
+    clear = []
+    for obstacles in (0, 10, 40, 160):
+        envs = VectorObstacleField(20, obstacles=obstacles, fields=1)
+        _, infos = envs.reset(seed=0)
+        clear.append(infos["clearance"].mean())
+    assert clear == sorted(clear, reverse=True)
+    assert clear[0] == np.inf
+    assert clear[1] > clear[3] + 1.0
+
+
+@pytest.mark.parametrize("gate", [0.0, 0.5, 2.9])
+def test_the_gate_decides_what_counts_as_the_goal(gate: float) -> None:
+    for off, reached in ((0.99 * gate, True), (1.01 * gate + 1e-3, False)):
+        env = ObstacleField(gate=gate)
+        field = Field(name="near", obstacles=Discs([], []), goal=[6.0, 6.0])
+        env.reset(options={"field": field})
+        end = field.goal - off * np.ones(2) / np.sqrt(2.0)
+        segment = np.array([env.state.position, end, env.state.derivative, [5.0, 5.0]])
+        # to a rounding of float32 the encoded end is the one asked for
+        reached = reached and gate > 0.0
+        *_, terminated, _, info = env.step(encode(segment, segment[0], segment[2]))
+        assert terminated == info["is_success"] == reached
+        np.testing.assert_allclose(env.state.position, field.goal if reached else end, atol=1e-5)
+
+
+@pytest.mark.parametrize("segments", [1, 3, 41])
+def test_flights_end_after_their_segments(segments: int) -> None:
+    env = ObstacleField(segments=segments, obstacles=0)
+    env.reset(options={"field": OPEN})
+    for k in range(1, segments + 1):
+        step = 3.1 / np.sqrt(2.0) * k
+        segment = [env.state.position, [step, step], env.state.derivative, [2.0, 2.0]]
+        action = encode(segment, env.state.position, env.state.derivative)
+        seen, _, terminated, truncated, info = env.step(action)
+        assert seen["vehicle"][5] == np.float32(1.0 - k / segments)
+        assert not terminated
+        assert truncated == (k == segments)
+    assert info["outcome"] == Outcome.OUT_OF_SEGMENTS.code
+    assert env.control.shape == (segments, 4, 2)
+
+
+def test_later_resets_draw_from_as_many_fields_as_asked_for() -> None:
+    for number in (1, 3):
+        envs = VectorObstacleField(2, fields=number)
+        names = set()
+        for _ in range(40):
+            envs.reset()
+            names |= {envs.field(i).name for i in range(2)}
+        assert names == {f"standard/train:{seed}" for seed in range(number)}
+
+
+def test_only_fields_that_are_drawn_are_made() -> None:
+    envs = VectorObstacleField(2, fields=MOST_FIELDS)
+    bank = envs._fleet._bank
+    assert bank.used == 0
+    envs.reset(seed=0)
+    # the two that were asked for, and the first block of those to come
+    assert bank.used == 2 + 2 * BLOCK
+    for _ in range(BLOCK - 1):
+        envs.reset()
+    assert bank.used == 2 + 2 * BLOCK
+    envs.reset()
+    assert 2 + 2 * BLOCK < bank.used <= 2 + 4 * BLOCK
+    seeds = [int(envs.field(i).name.partition(":")[2]) for i in range(2)]
+    assert max(seeds) > 1000
+
+
+def test_a_bank_keeps_its_fields_when_it_makes_room() -> None:
+    bank = Bank(5, 20)
+    fields = [suite_field("sparse", "train", seed) for seed in range(2)]
+    disc = Discs([[3.0, 9.0]], [1.0])
+    fields.append(Field(name="own", obstacles=disc, start=[1, 2], goal=[4, 4]))
+    for slot, field in enumerate(fields):
+        bank.put(slot, field)
+    bank.put_discs(3, suite_field("sparse", "train", 7).obstacles)
+    fields.append(suite_field("sparse", "train", 7))
+    forest = suite_field("forest", "train", 0)
+    with pytest.raises(ValueError, match=r"holds at most 20: make it with capacity=180 or more"):
+        bank.check(forest)
+    bank.make_room(forest)
+    bank.check(forest)
+    bank.put(4, forest)
+    fields.append(forest)
+    bank.make_room(fields[0])  # which takes none away
+    bank.check(forest)
+    for slot, field in enumerate(fields):
+        number, world = len(field.obstacles), bank.world
+        assert world.radii.shape == (5, 180)
+        np.testing.assert_array_equal(world.columns[slot, :, :number], field.obstacles.centers.T)
+        np.testing.assert_array_equal(world.radii[slot, :number], field.obstacles.radii)
+        assert (world.radii[slot, number:] == -np.inf).all()
+        for name in ("start", "departure", "goal", "bounds", "distance"):
+            np.testing.assert_array_equal(getattr(world, name)[slot], getattr(field, name))
+
+
+def resident(script: str) -> float:
+    """Most memory [MB] that a script's process held; what importing takes is part of it."""
+    script = f"""
+import numpy as np
+from ferguson_gym.vector_environment import VectorObstacleField
+{script}
+for line in open("/proc/self/status"):
+    if line.startswith("VmHWM"):
+        print(int(line.split()[1]) / 1000)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=200,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        check=True,
+    )
+    return float(done.stdout)
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="reads Linux's /proc")
+def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> None:
+    flights = "envs.reset(seed=0)\nfor _ in range(20): envs.step(envs.action_space.sample() / 9)"
+    one = resident(f"envs = VectorObstacleField(1, fields=1)\n{flights}")
+    thousands = resident(f"envs = VectorObstacleField(2048, fields=4000)\n{flights}")
+    million = resident(
+        f"envs = VectorObstacleField(2, fields={MOST_FIELDS}, suite='forest')\n{flights}"
+    )
+    assert thousands < 500.0
+    assert thousands - one < 60.0
+    assert million - one < 30.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"fields": 0}, f"from 1 to {MOST_FIELDS} fields, got fields=0"),
+        ({"fields": MOST_FIELDS + 1}, f"got fields={MOST_FIELDS + 1}"),
+        ({"fields": 2.5}, r"fields must be a whole number, got 2\.5"),
+        ({"fields": None}, "fields must be a whole number, got None"),
+        ({"obstacles": -1}, f"0 to {MOST_OBSTACLES} obstacles, got obstacles=-1"),
+        ({"obstacles": MOST_OBSTACLES + 1}, f"got obstacles={MOST_OBSTACLES + 1}"),
+        ({"obstacles": 7.0}, r"obstacles must be a whole number, got 7\.0"),
+        ({"suite": "traps", "obstacles": 9}, "obstacles of suite 'traps' are fixed"),
+        ({"suite": "traps", "radii": (1, 2)}, "obstacles of suite 'traps' are fixed"),
+        ({"radii": (0.0, 2.0)}, r"0 < smallest <= largest <= 7 m .* got 0\.0 and 2\.0"),
+        ({"radii": (3.0, 2.0)}, r"got 3\.0 and 2\.0"),
+        ({"radii": (3.0, 7.1)}, r"got 3\.0 and 7\.1"),
+        ({"radii": (3.0, np.nan)}, "radii must be finite, got nan"),
+        ({"radii": (1.0, 2.0, 3.0)}, r"radii are \(least, greatest\), got \(1\.0, 2\.0, 3\.0\)"),
+        ({"radii": 3.0}, "radii must have shape"),
+        ({"radii": "ab"}, "radii must be an array of numbers, got 'ab'"),
+        ({"gate": -0.1}, "need 0 <= gate < shortest, got -0.1 m"),
+        ({"gate": 3.0}, "need 0 <= gate < shortest, got 3.0 m"),
+        ({"gate": np.nan}, "gate must be finite, got nan"),
+        ({"gate": "1"}, "gate must be a number, got '1'"),
+        ({"segments": 0}, "at least 1 segment, got 0"),
+        ({"segments": 2.5}, r"segments must be a whole number, got 2\.5"),
+        ({"observation": "sonar"}, "unknown observation 'sonar'; kinds are discs, rays"),
+        ({"nearest": 0}, "nearest >= 1, got 0"),
+        ({"rays": 0}, "rays >= 1, got 0"),
+        ({"rays": True}, "rays must be a whole number, got True"),
+        ({"focus": -1.0}, r"focus lies between 0 and 30 m ahead, got -1\.0"),
+        ({"focus": 30.5}, r"got 30\.5"),
+        ({"focus": np.nan}, "got nan"),
+        ({"detour": -0.5}, r"price detour lies between 0 and 100, got -0\.5"),
+        ({"failure": 101}, "price failure lies between 0 and 100, got 101"),
+        ({"failure": np.nan}, "price failure .* got nan"),
+        ({"failure": None}, "failure must be a number, got None"),
+        ({"capacity": 49}, "fields have up to 50 obstacles, more than capacity=49"),
+        ({"obstacles": 9, "capacity": 8}, "up to 9 obstacles, more than capacity=8"),
+        ({"suite": "traps", "capacity": 100}, "up to 117 obstacles, more than capacity=100"),
+        ({"capacity": MOST_OBSTACLES + 1}, f"got capacity={MOST_OBSTACLES + 1}"),
+        ({"capacity": 60.0}, "capacity must be a whole number"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused(arguments: dict, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        Settings(**arguments)
+
+
+def test_settings_on_the_edge_are_taken() -> None:
+    for arguments in (
+        {"gate": 0, "focus": 30, "detour": 0, "failure": 100},
+        {"obstacles": 0, "capacity": 0, "nearest": 1},
+        {"radii": np.array([7.0, 7.0]), "capacity": 50},
+        {"fields": np.int64(3), "segments": np.int32(2), "gate": np.float32(0.5)},
+    ):
+        env = ObstacleField(**{"fields": 2, **arguments})
+        seen, _ = env.reset(seed=0)
+        assert env.observation_space.contains(seen)
+        env.step(np.zeros(4))
+
+
+@pytest.mark.parametrize("suite", SUITES)
+def test_every_field_of_a_suite_has_room(suite: str) -> None:
+    settings = Settings(suite=suite)
+    most = max(len(settings.discs(seed)) for seed in range(200))
+    assert most <= settings.most
+    assert suite == "traps" or most == settings.most
