@@ -133,7 +133,7 @@ def test_a_field_that_was_flown_before_leaves_no_disc_behind() -> None:
         suite_field("forest", "train", 0),
         Field(name="few", obstacles=Discs([[9, 60]], [1])),
     )
-    envs = VectorObstacleField(1, capacity=180, fields=1)
+    envs = VectorObstacleField(1, capacity=180, fields=1, observation="discs")
     envs.reset(options={"field": many})
     seen, infos = envs.reset(options={"field": few})
     assert infos["clearance"][0] == np.hypot(9.0, 60.0) - 1.0

@@ -172,7 +172,7 @@ def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
         assert not started()
         envs.step(np.zeros((70, 4), np.float32))
         assert len(started()) == 3
-        alive = [weakref.ref(thing) for thing in (envs._fleet, envs._fleet._job.flights.paths)]
+        alive = [weakref.ref(thing) for thing in (envs._fleet, envs._fleet._job.actions)]
         time.sleep(wait)
         del envs
         assert alive[0]() is None

@@ -21,7 +21,7 @@ MIRROR = np.array([[1.0, 0.0], [0.0, -1.0]])
 
 def looked(field: Field, **arguments: Any) -> dict:
     """What a vehicle sees at the start of a field."""
-    env = ObstacleField(fields=1, **arguments)
+    env = ObstacleField(**{"fields": 1, "observation": "discs", **arguments})
     seen, _ = env.reset(options={"field": field})
     assert env.observation_space.contains(seen)
     return seen
@@ -82,8 +82,14 @@ def nearest_discs(
     return np.clip(rows / VIEW, -1.0, 1.0).ravel(), mask
 
 
-def ranges(field: Field, position: Any, derivative: Any, number: int) -> np.ndarray:
-    """Along each ray the least root, of the walls' linear and the discs' quadratic equations."""
+def ranges(
+    field: Field, position: Any, derivative: Any, number: int, more: float = 0.0
+) -> np.ndarray:
+    """Along each ray the least root, of the walls' linear and the discs' quadratic equations.
+
+    With radii that are larger by some metres: a ray that grazes a disc turns a rounding into
+    a large error.
+    """
     forward, aside = frame(derivative)
     reach = []
     for angle in np.arange(number) * 2.0 * np.pi / number:
@@ -93,12 +99,19 @@ def ranges(field: Field, position: Any, derivative: Any, number: int) -> np.ndar
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = (wall - position) / way
             steps += [one for one in step if one > 0.0]
-        for center, radius in zip(field.obstacles.centers, field.obstacles.radii, strict=True):
-            offset = position - center
-            roots = np.roots([1.0, 2.0 * offset @ way, offset @ offset - radius**2])
-            steps += [root.real for root in roots if root.imag == 0.0 and root.real > 0.0]
+        offset = position - field.obstacles.centers
+        half = offset @ way
+        square = half**2 - (offset**2).sum(axis=-1) + (field.obstacles.radii + more) ** 2
+        cut = square >= 0.0
+        for side in (-1.0, 1.0):
+            steps += [one for one in side * np.sqrt(square[cut]) - half[cut] if one > 0.0]
         reach.append(min(steps))
     return np.array(reach) / VIEW
+
+
+def assert_ranges(rays: np.ndarray, *place: Any) -> None:
+    assert (rays >= ranges(*place, len(rays), 2e-5) - 2e-6).all()
+    assert (rays <= ranges(*place, len(rays), -2e-5) + 2e-6).all()
 
 
 def flights(suite: str, **arguments: Any) -> Iterator[tuple[ObstacleField, dict]]:
@@ -118,7 +131,7 @@ def flights(suite: str, **arguments: Any) -> Iterator[tuple[ObstacleField, dict]
 @pytest.mark.parametrize("suite", SUITES)
 @pytest.mark.parametrize(("nearest", "focus"), [(12, 0.0), (3, 10.0), (200, 30.0)])
 def test_flights_see_vehicle_goal_and_discs(suite: str, nearest: int, focus: float) -> None:
-    for env, seen in flights(suite, nearest=nearest, focus=focus):
+    for env, seen in flights(suite, observation="discs", nearest=nearest, focus=focus):
         state = env.state
         place = env.field, state.position, state.derivative
         vehicle, goal = vehicle_and_goal(*place, 1.0 - state.segments / 30)
@@ -135,7 +148,8 @@ def test_flights_see_along_rays(suite: str) -> None:
     for env, seen in flights(suite, observation="rays", rays=12):
         state = env.state
         place = env.field, state.position, state.derivative
-        np.testing.assert_allclose(seen["rays"], ranges(*place, 12), **CLOSE)
+        assert seen["rays"].shape == (12,)
+        assert_ranges(seen["rays"], *place)
         vehicle, goal = vehicle_and_goal(*place, 1.0 - state.segments / 30)
         np.testing.assert_allclose(seen["vehicle"], vehicle, **CLOSE)
         np.testing.assert_allclose(seen["goal"], goal, **CLOSE)
@@ -156,7 +170,8 @@ def test_anywhere_in_any_direction(seed: int, number: int) -> None:
     np.testing.assert_allclose(seen["goal"], goal, **CLOSE)
     if seed % 4:  # on the edge a wall is at distance zero, which is no root
         rays = looked(field, observation="rays", rays=17)["rays"]
-        np.testing.assert_allclose(rays, ranges(*place, 17), **CLOSE)
+        assert rays.shape == (17,)
+        assert_ranges(rays, *place)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -166,14 +181,14 @@ def test_rays_are_free_up_to_their_end_and_stop_there(seed: int) -> None:
     forward, aside = frame(field.departure)
     for j, reach in enumerate(rays):
         way = np.cos(j * np.pi / 12) * forward + np.sin(j * np.pi / 12) * aside
-        march = field.start + np.linspace(0.0, max(reach - 1e-4, 0.0), 2000)[:, None] * way
+        march = field.start + np.linspace(0.0, max(reach - 1e-3, 0.0), 2000)[:, None] * way
         assert field.obstacles.signed_distance(march).min() >= 0.0
         assert (field.bounds[0] <= march).all()
         assert (march <= field.bounds[1]).all()
         if reach < VIEW - 1e-3:
             end = field.start + reach * way
             hits = np.abs(field.obstacles.signed_distance(end)).min()
-            assert min(hits, np.abs(end - field.bounds).min()) < 1e-4
+            assert min(hits, np.abs(end - field.bounds).min()) < 1e-3
 
 
 def test_a_vehicle_on_a_wall_sees_it_touch_and_the_open_side() -> None:
@@ -273,8 +288,9 @@ def test_a_quarter_turn_and_a_mirror_change_what_they_should(seed: int, kind: st
     np.testing.assert_allclose(turned["goal"], seen["goal"], **CLOSE)
     np.testing.assert_allclose(mirrored["goal"], seen["goal"] * [1, 1, -1], **CLOSE)
     if kind == "rays":
-        np.testing.assert_allclose(turned["rays"], seen["rays"], **CLOSE)
-        np.testing.assert_allclose(mirrored["rays"], np.roll(seen["rays"][::-1], 1), **CLOSE)
+        np.testing.assert_allclose(turned["rays"], seen["rays"], rtol=0, atol=1e-4)
+        around = np.roll(seen["rays"][::-1], 1)
+        np.testing.assert_allclose(mirrored["rays"], around, rtol=0, atol=1e-4)
     else:
         np.testing.assert_allclose(turned["obstacles"], seen["obstacles"], **CLOSE)
         signs = np.tile([1, -1, 1, 1], 12)
@@ -285,7 +301,7 @@ def test_a_quarter_turn_and_a_mirror_change_what_they_should(seed: int, kind: st
 
 def test_on_the_goal_the_goal_is_ahead() -> None:
     goal = Field(name="close", obstacles=Discs([], []), goal=[9.0 / 2**0.5] * 2)
-    env = ObstacleField()
+    env = ObstacleField(gate=1.0)
     env.reset(options={"field": goal})
     seen, _, terminated, _, info = env.step(np.zeros(4, np.float32))
     assert terminated

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from ferguson_gym.actions import encode
-from ferguson_gym.bank import Bank
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import BLOCK
@@ -75,9 +74,11 @@ def test_numbers_and_radii_of_obstacles_are_what_was_asked_for(
             again = envs.settings.field(int(re.search(r":(\d+)", field.name)[1]))
             assert again.name == field.name
             assert_same_discs(again, field)
+    # and they are what is flown through
+    _, infos = envs.reset()
     for i in range(3):
-        held = envs._fleet._job.world.radii[envs._fleet._job.flights.slot[i]]
-        np.testing.assert_array_equal(held[held > 0.0], envs.field(i).obstacles.radii)
+        gaps = envs.field(i).obstacles.signed_distance(np.zeros(2))
+        assert infos["clearance"][i] == gaps.min(initial=np.inf)
 
 
 def test_as_many_obstacles_of_the_same_radii_are_the_suites_own_fields() -> None:
@@ -138,48 +139,33 @@ def test_later_resets_draw_from_as_many_fields_as_asked_for() -> None:
         assert names == {f"standard/train:{seed}" for seed in range(number)}
 
 
-def test_only_fields_that_are_drawn_are_made() -> None:
+def test_only_fields_that_are_drawn_are_made_and_each_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    made, usual = [], Settings.discs
+
+    def discs(settings: Settings, seed: int) -> Discs:
+        made.append(seed)
+        return usual(settings, seed)
+
+    monkeypatch.setattr(Settings, "discs", discs)
     envs = VectorObstacleField(2, fields=MOST_FIELDS)
-    bank = envs._fleet._bank
-    assert bank.used == 0
+    assert not made
     envs.reset(seed=0)
     # the two that were asked for, and the first block of those to come
-    assert bank.used == 2 + 2 * BLOCK
+    assert made[:2] == [0, 1]
+    assert len(made) == 2 + 2 * BLOCK
     for _ in range(BLOCK - 1):
         envs.reset()
-    assert bank.used == 2 + 2 * BLOCK
+    assert len(made) == 2 + 2 * BLOCK
     envs.reset()
-    assert 2 + 2 * BLOCK < bank.used <= 2 + 4 * BLOCK
-    seeds = [int(envs.field(i).name.partition(":")[2]) for i in range(2)]
-    assert max(seeds) > 1000
-
-
-def test_a_bank_keeps_its_fields_when_it_makes_room() -> None:
-    bank = Bank(5, 20)
-    fields = [suite_field("sparse", "train", seed) for seed in range(2)]
-    disc = Discs([[3.0, 9.0]], [1.0])
-    fields.append(Field(name="own", obstacles=disc, start=[1, 2], goal=[4, 4]))
-    for slot, field in enumerate(fields):
-        bank.put(slot, field)
-    bank.put_discs(3, suite_field("sparse", "train", 7).obstacles)
-    fields.append(suite_field("sparse", "train", 7))
-    forest = suite_field("forest", "train", 0)
-    with pytest.raises(ValueError, match=r"holds at most 20: make it with capacity=180 or more"):
-        bank.check(forest)
-    bank.make_room(forest)
-    bank.check(forest)
-    bank.put(4, forest)
-    fields.append(forest)
-    bank.make_room(fields[0])  # which takes none away
-    bank.check(forest)
-    for slot, field in enumerate(fields):
-        number, world = len(field.obstacles), bank.world
-        assert world.radii.shape == (5, 180)
-        np.testing.assert_array_equal(world.columns[slot, :, :number], field.obstacles.centers.T)
-        np.testing.assert_array_equal(world.radii[slot, :number], field.obstacles.radii)
-        assert (world.radii[slot, number:] == -np.inf).all()
-        for name in ("start", "departure", "goal", "bounds", "distance"):
-            np.testing.assert_array_equal(getattr(world, name)[slot], getattr(field, name))
+    assert 2 + 2 * BLOCK < len(made) <= 2 + 4 * BLOCK
+    assert max(made) > MOST_FIELDS / 2
+    made.clear()
+    envs = VectorObstacleField(5, fields=7)
+    for _ in range(3 * BLOCK):
+        envs.reset()
+    assert sorted(made) == list(range(7))
 
 
 def resident(script: str) -> float:
