@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
