@@ -1,27 +1,16 @@
 """Threads that help: every piece is done once, and they end when their owner does."""
 
 import gc
-import os
-import subprocess
-import sys
 import threading
 import time
-import weakref
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numba
 import numpy as np
 import pytest
 
-from ferguson_gym import batch, fleet
 from ferguson_gym.crew import CLAIMED, DONE, Crew, add, get, new_counters, put
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.vector_environment import VectorObstacleField
 
-ROOT = Path(__file__).parent.parent
-OPEN = Field(name="open", obstacles=Discs([], []))
 PATIENT = 20_000
 
 
@@ -159,118 +148,3 @@ def test_threads_end_with_their_owner_in_the_middle_of_work(started: Callable) -
     del crew
     over.set()
     assert until(lambda: not started())
-
-
-@pytest.mark.parametrize("wait", [0.0, 0.05])
-def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
-    wait: float, monkeypatch: pytest.MonkeyPatch, started: Callable
-) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
-    for _ in range(5):
-        envs = VectorObstacleField(70, fields=1)
-        envs.reset(seed=0)
-        assert not started()
-        envs.step(np.zeros((70, 4), np.float32))
-        assert len(started()) == 3
-        alive = [weakref.ref(thing) for thing in (envs._fleet, envs._fleet._job.actions)]
-        time.sleep(wait)
-        del envs
-        assert alive[0]() is None
-        assert until(lambda: not started())
-        assert alive[1]() is None
-
-
-def test_every_vehicle_is_stepped_once_a_step(
-    monkeypatch: pytest.MonkeyPatch, started: Callable
-) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
-    number = 5 * batch.CHUNK + 3
-    envs = VectorObstacleField(number, autoreset_mode="Disabled", fields=1, obstacles=0)
-    still = np.zeros((number, 4), np.float32)
-    for _ in range(150):
-        envs.reset(options={"field": OPEN})
-        for flown in range(1, 16):
-            *_, infos = envs.step(still)
-            assert (infos["segments"] == flown).all()
-    assert len(started()) == 3
-
-
-def flown(seed: int) -> bytes:
-    envs = VectorObstacleField(66, fields=20, autoreset_mode="SameStep")
-    envs.reset(seed=seed)
-    stream = np.random.default_rng(seed)
-    results = []
-    for _ in range(30):
-        actions = stream.uniform(-0.1, 0.1, (66, 4)).astype(np.float32)
-        seen, reward, *_, infos = envs.step(actions)
-        results += [*seen.values(), reward, infos["clearance"]]
-    return b"".join(array.tobytes() for array in results)
-
-
-def test_many_environments_in_many_threads(
-    monkeypatch: pytest.MonkeyPatch, started: Callable
-) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
-    expected = [flown(seed) for seed in range(6)]
-    got: dict[int, bytes] = {}
-    threads = [
-        threading.Thread(target=lambda seed=seed: got.update({seed: flown(seed)}))
-        for seed in range(6)
-    ]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert [got[seed] for seed in range(6)] == expected
-
-
-SCRIPT = """
-import os, sys
-import numba
-import numpy as np
-from ferguson_gym import fleet
-from ferguson_gym.vector_environment import VectorObstacleField
-
-fleet.numba.get_num_threads = lambda: 3
-envs = VectorObstacleField(70, fields=20)
-envs.reset(seed=0)
-still = np.zeros((70, 4), np.float32)
-
-def flown():
-    return b"".join(envs.step(still)[0]["vehicle"].tobytes() for _ in range(20))
-
-envs.step(still)
-"""
-FORK = """
-read, write = os.pipe()
-if (child := os.fork()) == 0:
-    os.write(write, str(hash(flown())).encode())
-    os._exit(0)
-mine = str(hash(flown())).encode()
-assert os.waitpid(child, 0)[1] == 0
-assert os.read(read, 100) == mine
-print("both flew")
-"""
-
-
-def run(script: str) -> subprocess.CompletedProcess:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "ignore"}
-    return subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        env=environment,
-        check=False,
-    )
-
-
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_forked_child_flies_on_without_the_threads_of_its_parent() -> None:
-    done = run(SCRIPT + FORK)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "both flew\n", "")
-
-
-def test_a_program_ends_while_threads_look_for_work() -> None:
-    done = run(SCRIPT + "print('flew')")
-    assert (done.returncode, done.stdout, done.stderr) == (0, "flew\n", "")

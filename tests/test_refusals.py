@@ -91,6 +91,12 @@ BAD_ACTIONS: list[tuple[Any, str]] = [
 MADE: dict[type, dict] = {VectorObstacleField: {"num_envs": 3, "fields": 99}, ObstacleField: {}}
 
 
+def draws(envs: Any) -> list[dict]:
+    """Where the sources of randomness are."""
+    sources = envs.np_random if isinstance(envs, VectorObstacleField) else [envs.np_random]
+    return [source.bit_generator.state for source in sources]
+
+
 def is_refused(envs: Any, call: str, given: tuple, message: str) -> None:
     """The call fails, and afterwards all goes on as if it had not been made."""
     twin = type(envs)(**MADE[type(envs)])
@@ -103,6 +109,7 @@ def is_refused(envs: Any, call: str, given: tuple, message: str) -> None:
         getattr(envs, call)(*(given if call == "step" else ()), **arguments)
     assert set(arguments) == set(kept)
     assert set(arguments.get("options", {})) == set(kept.get("options", {}))
+    assert draws(envs) == draws(twin)
     stream = np.random.default_rng(0)
     for k in range(6):
         actions = stream.uniform(-0.05, 0.05, envs.action_space.shape).astype(np.float32)
@@ -146,13 +153,14 @@ def test_the_scalar_environment_refuses_alike(arguments: dict, message: str) -> 
 def test_the_scalar_environment_makes_room_for_more_obstacles() -> None:
     env, fresh = ObstacleField(suite="sparse"), ObstacleField(suite="sparse", capacity=200)
     field = suite_field("forest", "train", 3)
-    for options in (None, {"field": field}, None, {"field": FLAT}, None):
-        (seen, _), (expected, _) = (
-            one.reset(seed=5 if options is None else None, options=options) for one in (env, fresh)
+    for k, options in enumerate((None, None, {"field": field}, None, {"field": FLAT}, None, None)):
+        (seen, info), (expected, expected_info) = (
+            one.reset(seed=None if k else 5, options=options) for one in (env, fresh)
         )
         for key, value in seen.items():
             np.testing.assert_array_equal(value, expected[key])
-    for _ in range(3):
+        assert info == expected_info
+        assert info["clearance"] == env.field.obstacles.signed_distance(np.zeros(2)).min()
         assert env.step(np.zeros(4))[1:] == fresh.step(np.zeros(4))[1:]
 
 

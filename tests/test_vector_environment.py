@@ -1,7 +1,6 @@
 """The vector environment against scalar ones: every number, in every mode, on any threads."""
 
 import copy
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -174,6 +173,34 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
     assert_same_flights(mine, theirs)
 
 
+def test_a_seed_begins_the_same_draws_anew() -> None:
+    envs = VectorObstacleField(2)
+
+    def names(seed: int | None) -> list[str]:
+        envs.reset(seed=seed)
+        return [envs.field(i).name for i in range(2)]
+
+    first = [names(seed) for seed in (7, None, None, None)]
+    assert [names(seed) for seed in (3, None, 7, None, None, None)][2:] == first
+
+
+@pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
+@pytest.mark.parametrize("resets", [fleet.BLOCK + k for k in (-2, -1, 0, 1)])
+def test_an_autoreset_takes_the_field_that_a_reset_would(mode: AutoresetMode, resets: int) -> None:
+    envs, scalar = VectorObstacleField(1, mode), ObstacleField()
+    for one in (envs, scalar):
+        one.reset(seed=2)
+        for _ in range(resets):
+            one.reset()
+    back = np.array([[-1.0, 0.0, 0.0, 0.0]], np.float32)
+    for _ in range(4):
+        envs.step(back)
+        if mode is AutoresetMode.NEXT_STEP:
+            envs.step(back)
+        scalar.reset()
+        assert envs.field(0).name == scalar.field.name
+
+
 def test_without_a_seed_environments_differ_from_each_other_and_from_the_last_time() -> None:
     names = set()
     for _ in range(2):
@@ -203,54 +230,6 @@ def test_a_list_of_fields_is_flown_each_by_its_environment() -> None:
     assert envs.field(2).name.startswith("standard/train:")
 
 
-def flown(number: int = 70, steps: int = 40, **arguments: Any) -> bytes:
-    """All that an environment returns over many steps."""
-    envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=40, **arguments)
-    stream = np.random.default_rng(0)
-    everything = [*envs.reset(seed=0)[0].values()]
-    for _ in range(steps):
-        seen, reward, terminated, truncated, infos = envs.step(drawn(stream, number))
-        everything += [*seen.values(), reward, terminated, truncated]
-        everything += [infos[key] for key in INFOS]
-    return b"".join(np.ascontiguousarray(array).tobytes() for array in everything)
-
-
-def keep_busy(over: threading.Event) -> None:
-    while not over.is_set():
-        sum(range(500))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_nothing_depends_on_threads(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet, "MANY", 10**9)
-    alone = flown(**KINDS[kind])
-    monkeypatch.setattr(fleet, "MANY", 2)
-    for threads in (1, 2, 3, 4, 9):
-        monkeypatch.setattr(fleet.numba, "get_num_threads", lambda threads=threads: threads)
-        assert flown(**KINDS[kind]) == alone
-    over = threading.Event()
-    busy = [threading.Thread(target=keep_busy, args=(over,)) for _ in range(3)]
-    for thread in busy:
-        thread.start()
-    try:
-        assert flown(**KINDS[kind]) == alone
-    finally:
-        over.set()
-        for thread in busy:
-            thread.join()
-
-
-def test_from_many_vehicles_on_a_crew_helps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
-    for number, helpers in ((fleet.MANY - 1, 0), (fleet.MANY, 2)):
-        envs = VectorObstacleField(number, fields=FEW)
-        envs.reset(seed=0)
-        before = threading.active_count()
-        for _ in range(2):
-            envs.step(np.zeros((number, 4), np.float32))
-            assert threading.active_count() == before + helpers
-
-
 def returned(value: Any) -> list[np.ndarray]:
     """Every array of numbers in something returned."""
     if isinstance(value, dict):
@@ -267,7 +246,7 @@ def test_what_was_returned_stays_and_may_be_written_over(mode: AutoresetMode, ki
     one, other = (
         VectorObstacleField(number, mode, fields=FEW, segments=6, **KINDS[kind]) for _ in range(2)
     )
-    kept, copies = [], []
+    kept, copies, asked = [], [], []
 
     def both(call: Callable[[VectorObstacleField], tuple]) -> tuple:
         mine, twin = call(one), call(other)
@@ -285,6 +264,9 @@ def test_what_was_returned_stays_and_may_be_written_over(mode: AutoresetMode, ki
         given = {id(one): actions, id(other): actions.copy()}
         results = both(lambda envs, given=given: envs.step(given[id(envs)]))
         given[id(other)][:] = 55.0
+        state = one.state(0)
+        arrays = (state.position, state.derivative, one.control(0), one.refused(0))
+        asked += [(array, array.copy()) for array in arrays if array is not None]
         *_, terminated, truncated, infos = results
         if mode is AutoresetMode.DISABLED and (over := terminated | truncated).any():
             both(lambda envs, over=over: envs.reset(options={"reset_mask": over.copy()}))
@@ -295,6 +277,8 @@ def test_what_was_returned_stays_and_may_be_written_over(mode: AutoresetMode, ki
                 assert holder[f"_{key}"].dtype == bool
     for mine, before in zip(kept, copies, strict=True):
         assert_same_results(mine, before)
+    for array, before in asked:
+        assert_same(array, before, "asked for")
     arrays = [array for mine in kept for array in returned(mine)]
     for array in arrays:
         assert array.flags.writeable

@@ -1,0 +1,199 @@
+"""Environments and threads: the same results on any number, and nothing left behind."""
+
+import gc
+import os
+import subprocess
+import sys
+import threading
+import time
+import weakref
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ferguson_gym import batch, fleet
+from ferguson_gym.environment import INFOS
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.vector_environment import VectorObstacleField
+
+ROOT = Path(__file__).parent.parent
+OPEN = Field(name="open", obstacles=Discs([], []))
+
+
+def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
+    """Whether it comes true within this time; the machine may be busy."""
+    end = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.001)
+    return True
+
+
+@pytest.fixture
+def started() -> Iterator[Callable[[], list[threading.Thread]]]:
+    """Threads alive that a test has started; at its end there must be none."""
+    before = set(threading.enumerate())
+
+    def mine() -> list[threading.Thread]:
+        return [thread for thread in threading.enumerate() if thread not in before]
+
+    yield mine
+    gc.collect()
+    assert until(lambda: not mine()), mine()
+
+
+def flown(number: int, seed: int = 0, **arguments: Any) -> bytes:
+    """All that an environment returns over many steps."""
+    envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=40, **arguments)
+    stream = np.random.default_rng(seed)
+    everything = [*envs.reset(seed=seed)[0].values()]
+    for _ in range(40):
+        actions = stream.uniform(-1.0, 1.0, (number, 4)) * stream.choice([0.03, 0.2], (number, 1))
+        seen, reward, terminated, truncated, infos = envs.step(actions)
+        everything += [*seen.values(), reward, terminated, truncated]
+        everything += [infos[key] for key in INFOS]
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in everything)
+
+
+def keep_busy(over: threading.Event) -> None:
+    while not over.is_set():
+        sum(range(500))
+
+
+@pytest.mark.parametrize("kind", ["discs", "rays"])
+def test_nothing_depends_on_threads(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet, "MANY", 10**9)
+    alone = flown(70, observation=kind)
+    monkeypatch.setattr(fleet, "MANY", 2)
+    for threads in (1, 2, 3, 4, 9):
+        monkeypatch.setattr(fleet.numba, "get_num_threads", lambda threads=threads: threads)
+        assert flown(70, observation=kind) == alone
+    over = threading.Event()
+    busy = [threading.Thread(target=keep_busy, args=(over,)) for _ in range(3)]
+    for thread in busy:
+        thread.start()
+    try:
+        assert flown(70, observation=kind) == alone
+    finally:
+        over.set()
+        for thread in busy:
+            thread.join()
+
+
+def test_from_many_vehicles_on_a_crew_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
+    for number, helpers in ((fleet.MANY - 1, 0), (fleet.MANY, 2)):
+        envs = VectorObstacleField(number, fields=8)
+        envs.reset(seed=0)
+        before = threading.active_count()
+        for _ in range(2):
+            envs.step(np.zeros((number, 4), np.float32))
+            assert threading.active_count() == before + helpers
+
+
+@pytest.mark.parametrize("wait", [0.0, 0.05])
+def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
+    wait: float, monkeypatch: pytest.MonkeyPatch, started: Callable
+) -> None:
+    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
+    for _ in range(5):
+        envs = VectorObstacleField(70, fields=1)
+        envs.reset(seed=0)
+        assert not started()
+        envs.step(np.zeros((70, 4), np.float32))
+        assert len(started()) == 3
+        alive = [weakref.ref(thing) for thing in (envs._fleet, envs._fleet._job.actions)]
+        time.sleep(wait)
+        del envs
+        assert alive[0]() is None
+        assert until(lambda: not started())
+        assert alive[1]() is None
+
+
+def test_every_vehicle_is_stepped_once_a_step(
+    monkeypatch: pytest.MonkeyPatch, started: Callable
+) -> None:
+    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
+    number = 5 * batch.CHUNK + 3
+    envs = VectorObstacleField(number, autoreset_mode="Disabled", fields=1, obstacles=0)
+    still = np.zeros((number, 4), np.float32)
+    for _ in range(150):
+        envs.reset(options={"field": OPEN})
+        for flown in range(1, 16):
+            *_, infos = envs.step(still)
+            assert (infos["segments"] == flown).all()
+    assert len(started()) == 3
+
+
+def test_many_environments_in_many_threads(
+    monkeypatch: pytest.MonkeyPatch, started: Callable
+) -> None:
+    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
+    expected = [flown(66, seed) for seed in range(6)]
+    got: dict[int, bytes] = {}
+    threads = [
+        threading.Thread(target=lambda seed=seed: got.update({seed: flown(66, seed)}))
+        for seed in range(6)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert [got[seed] for seed in range(6)] == expected
+
+
+SCRIPT = """
+import os, sys
+import numba
+import numpy as np
+from ferguson_gym import fleet
+from ferguson_gym.vector_environment import VectorObstacleField
+
+fleet.numba.get_num_threads = lambda: 3
+envs = VectorObstacleField(70, fields=20)
+envs.reset(seed=0)
+still = np.zeros((70, 4), np.float32)
+
+def flown():
+    return b"".join(envs.step(still)[0]["vehicle"].tobytes() for _ in range(20))
+
+envs.step(still)
+"""
+FORK = """
+read, write = os.pipe()
+if (child := os.fork()) == 0:
+    os.write(write, str(hash(flown())).encode())
+    os._exit(0)
+mine = str(hash(flown())).encode()
+assert os.waitpid(child, 0)[1] == 0
+assert os.read(read, 100) == mine
+print("both flew")
+"""
+
+
+def run(script: str) -> subprocess.CompletedProcess:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONWARNINGS": "ignore"}
+    return subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env=environment,
+        check=False,
+    )
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_child_flies_on_without_the_threads_of_its_parent() -> None:
+    done = run(SCRIPT + FORK)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "both flew\n", "")
+
+
+def test_a_program_ends_while_threads_look_for_work() -> None:
+    done = run(SCRIPT + "print('flew')")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "flew\n", "")
