@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym.actions import STEEPEST
+from ferguson_gym.actions import STEEPEST, encode
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
@@ -297,6 +297,32 @@ def test_a_quarter_turn_and_a_mirror_change_what_they_should(seed: int, kind: st
         np.testing.assert_allclose(mirrored["obstacles"], seen["obstacles"] * signs, **CLOSE)
         np.testing.assert_array_equal(turned["mask"], seen["mask"])
         np.testing.assert_array_equal(mirrored["mask"], seen["mask"])
+
+
+@pytest.mark.parametrize("kind", ["discs", "rays"])
+@pytest.mark.parametrize("inside", [False, True])
+def test_the_tolerance_leads_out_of_no_space(kind: str, inside: bool) -> None:
+    # a wall of the bounds or a disc, 6 micrometres beyond which the segment ends
+    disc = Discs([[39.0, 60.0]], [11.0]) if inside else Discs([], [])
+    bounds = [-10.0 if inside else 50.0, 110.0]
+    field = Field(
+        name="edge",
+        obstacles=disc,
+        start=[51.0, 51.0],
+        goal=[90.0, 90.0],
+        bounds=bounds,
+        start_derivative=[0.0, 9.0],
+    )
+    env = ObstacleField(observation=kind, rays=16)
+    env.reset(options={"field": field})
+    segment = np.array([[51.0, 51.0], [50.0 - 6e-6, 60.0], [0.0, 9.0], [0.0, 9.0]])
+    seen, *_, info = env.step(encode(segment, segment[0], segment[2]))
+    assert info["segments"] == 1
+    assert env.state.position[0] < 50.0 - 1e-6
+    assert env.observation_space.contains(seen)
+    if kind == "rays":
+        assert seen["rays"][4] == 0.0
+        np.testing.assert_allclose(seen["rays"][12], 1.0)
 
 
 def test_on_the_goal_the_goal_is_ahead() -> None:

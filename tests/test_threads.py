@@ -11,10 +11,12 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 
 from ferguson_gym import batch, fleet
+from ferguson_gym.crew import CLAIMED, DONE, add, get, new_counters
 from ferguson_gym.environment import INFOS
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
@@ -145,6 +147,48 @@ def test_many_environments_in_many_threads(
     for thread in threads:
         thread.join()
     assert [got[seed] for seed in range(6)] == expected
+
+
+@numba.njit(nogil=True)
+def claim(counters: np.ndarray, pieces: int) -> int:
+    """Wait for work and claim a piece of it; what is no piece if none came or was left."""
+    for _ in range(20_000_000):
+        if get(counters, CLAIMED) < pieces:
+            return add(counters, CLAIMED, 1)
+    return pieces
+
+
+@numba.njit
+def report_done(counters: np.ndarray) -> None:
+    add(counters, DONE, 1)
+
+
+def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
+    number = 2048
+    pieces = number // batch.CHUNK
+    envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=20)
+    envs.reset(seed=0)
+    job, counters = envs._fleet._job, new_counters()
+    late, done = [0], new_counters()
+
+    def help_late() -> None:
+        if claim(counters, pieces) < pieces:
+            time.sleep(0.05)
+            late[0] += 1
+            report_done(counters)
+
+    claim(np.zeros(2, np.int64), pieces), report_done(done)  # compiled before it matters
+    for _ in range(100):
+        before, helper = late[0], threading.Thread(target=help_late)
+        helper.start()
+        batch.advance(job, counters)
+        envs._fleet.draw_ahead(envs._streams)
+        waited = late[0] > before
+        helper.join()
+        assert waited == (late[0] > before)
+        if late[0] == 3:
+            break
+    assert late[0] == 3
 
 
 SCRIPT = """
