@@ -202,7 +202,7 @@ def test_a_refused_segment_ends_the_flight_where_it_was(
     assert Outcome.from_code(info["outcome"]) is outcome
     assert terminated
     assert not truncated
-    assert reward == -1.0
+    assert reward == -env.settings.failure
     assert env.state.segments == before.segments == 0
     np.testing.assert_array_equal(env.state.position, before.position)
     np.testing.assert_array_equal(env.state.derivative, before.derivative)
@@ -226,7 +226,7 @@ def test_the_last_segment_truncates_and_counts_as_failure() -> None:
     assert info["outcome"] == Outcome.OUT_OF_SEGMENTS.code
     assert not info["is_success"]
     assert info["segments"] == 40
-    assert total == pytest.approx(128.0 / OPEN.distance - 1.0)
+    assert total == pytest.approx(128.0 / OPEN.distance - env.settings.failure)
 
 
 @pytest.mark.parametrize(

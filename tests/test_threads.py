@@ -36,6 +36,16 @@ def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
     return True
 
 
+@pytest.fixture(scope="module", autouse=True)
+def compiled() -> None:
+    """Compile what helpers run, so that no test waits for that."""
+    envs = VectorObstacleField(70, fields=1)
+    envs.reset(seed=0)
+    job = envs._fleet._job
+    batch.advance(job, new_counters())
+    batch.help_out(job, new_counters(), 0)
+
+
 @pytest.fixture
 def started() -> Iterator[Callable[[], list[threading.Thread]]]:
     """Threads alive that a test has started; at its end there must be none."""
