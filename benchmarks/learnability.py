@@ -310,12 +310,12 @@ def study(steps: int, seeds: int, out: Path) -> None:
 
 
 def train(minutes: float, seed: int, out: Path) -> None:
-    """Train the chosen settings, then refine: failure dearer, larger batches, smaller steps.
+    """Train the chosen settings, then refine: detours and failure dearer, larger batches, smaller steps.
 
     With the dearer failure from the beginning, policies learn to fly around the field.
     """
     seconds, first = 60.0 * minutes, VARIANTS["chosen"]
-    second = Variant(environment={"failure": 4.0}, learner=REFINING)
+    second = Variant(environment={"failure": 4.0, "detour": 6.0}, learner=REFINING)
     watch = Watch(first, 500_000, FIRST_SHARE * seconds, out)
     model = learn(first, seed, 10**9, watch)
     began = time.monotonic()
