@@ -310,7 +310,7 @@ def study(steps: int, seeds: int, out: Path) -> None:
 
 
 def train(minutes: float, seed: int, out: Path) -> None:
-    """Train the chosen settings, then refine: detours and failure dearer, larger batches, smaller steps.
+    """Train the chosen settings, then refine: dearer detours and failure, larger batches.
 
     With the dearer failure from the beginning, policies learn to fly around the field.
     """
