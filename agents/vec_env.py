@@ -14,6 +14,9 @@ from stable_baselines3.common.vec_env import VecEnv
 from ferguson_gym.environment import INFOS, as_actions, chosen_field
 from ferguson_gym.vector_environment import VectorObstacleField
 
+_EACH = ("field", "state", "control", "refused")
+"""What the vector environment answers for each of its environments."""
+
 Seen = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
 
@@ -116,9 +119,11 @@ class ObstacleFieldVecEnv(VecEnv):
         if attr_name in ("observation_space", "action_space"):
             return [getattr(self, attr_name)] * len(chosen)
         value = getattr(self.envs, attr_name)
-        if attr_name in ("field", "state", "control", "refused"):
+        if attr_name in _EACH:
             return [value(i) for i in chosen]
         if attr_name in ("np_random", "np_random_seed"):
+            if not value:
+                raise RuntimeError("nothing is seeded yet: call reset() first")
             return [value[i] for i in chosen]
         return [value] * len(chosen)
 
@@ -133,7 +138,15 @@ class ObstacleFieldVecEnv(VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method (`field`, `state`, `control` or `refused`) for environments."""
+        """Call a method (`field`, `state`, `control` or `refused`) for environments.
+
+        Raises:
+            AttributeError: another method; there are no single environments that have it.
+        """
+        if method_name not in _EACH:
+            raise AttributeError(
+                f"no method {method_name!r} for each environment; there are {', '.join(_EACH)}"
+            )
         method = getattr(self.envs, method_name)
         return [method(i, *method_args, **method_kwargs) for i in self._get_indices(indices)]
 

@@ -36,6 +36,7 @@ from ferguson_gym.actions import (
     share_of_steepest,
 )
 from ferguson_gym.catalog import select
+from ferguson_gym.outcome import Outcome
 from ferguson_gym.vector_environment import VectorObstacleField
 from planners.shortest import exact_length
 
@@ -170,7 +171,7 @@ VARIANTS: dict[str, Variant] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Of deterministic flights; SPL as the design defines it."""
+    """Of deterministic flights; SPL is the mean of success x shortest / max(flown, shortest)."""
 
     spl: float
     success: float
@@ -200,7 +201,7 @@ def fly(model: PPO, variant: Variant, fields: str) -> Score:
         if ended.any():
             seen, _ = envs.reset(options={"reset_mask": ended, "field": flown})
     exact = np.array([exact_length(one) for one in flown], np.float64)
-    arrived = outcome == 1
+    arrived = outcome == Outcome.GOAL_REACHED.code
     spl = np.where(arrived, exact / np.maximum(length, exact), 0.0)
     return Score(
         spl=float(spl.mean()),

@@ -1,8 +1,8 @@
 """Numba's compiler behind a typed decorator, so that strict type checks see through it.
 
 Numba caches machine code beside the module and watches the file of the function it holds, no
-other; yet kernels call kernels of other files. Each is therefore cached under a name that
-carries a digest of all source files with kernels: whatever changes, nothing stale is run.
+other; yet kernels call kernels and take constants of other files. Each is therefore cached under
+a name that carries a digest of all source files: whatever changes, nothing stale is run.
 """
 
 from __future__ import annotations
@@ -22,13 +22,15 @@ PACKAGES = ("ferguson_gym", "planners")
 
 
 def digest(root: Path) -> str:
-    """Short digest of the source files with compiled functions below a directory."""
+    """Short digest of all source files of the packages below a directory.
+
+    Of all: kernels take constants from files without any, too.
+    """
     state = hashlib.sha256()
     for package in PACKAGES:
         for path in sorted((root / package).glob("*.py")):
-            if b"compiled" in (source := path.read_bytes()):
-                state.update(path.name.encode())
-                state.update(source)
+            state.update(path.name.encode())
+            state.update(path.read_bytes())
     return state.hexdigest()[:12]
 
 

@@ -111,9 +111,9 @@ class Crew:
 
     def __init__(self, help_out: Callable[[], None], size: int) -> None:
         self._bells = [_Bell() for _ in range(size)]
+        weakref.finalize(self, _dismiss, self._bells)
         for bell in self._bells:
             threading.Thread(target=_serve, args=(bell, help_out), daemon=True).start()
-        weakref.finalize(self, _dismiss, self._bells)
 
     def call(self) -> None:
         """Wake those who sleep."""

@@ -84,14 +84,15 @@ def as_seed(seed: object) -> int | None:
     return int(seed)
 
 
-def chosen_field(options: Mapping[str, Any]) -> Any:
-    """What `reset(options={"field": ...})` asks for, names read; None if nothing.
+def chosen_field(options: Mapping[str, Any], *others: str) -> Any:
+    """What `reset(options={"field": ...})` asks for; None if nothing.
 
     Raises:
-        ValueError: other options.
+        ValueError: options that are neither this nor `others`.
     """
-    if unknown := set(options) - {"field"}:
-        raise ValueError(f"unknown reset options {sorted(unknown)}; the only one is 'field'")
+    if unknown := set(options) - {"field", *others}:
+        known = " and ".join(repr(name) for name in ("field", *others))
+        raise ValueError(f"unknown reset options {sorted(unknown)}; known: {known}")
     return options.get("field")
 
 
@@ -148,18 +149,20 @@ class ObstacleField(gym.Env[Observation, Action]):
     | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
 
-    and, with `observation="discs"` (the default), the obstacles within 30 m, or, with
+    and, with `observation="discs"` (the default), the nearest obstacles, or, with
     `observation="rays"`, what a lidar would measure:
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
     | obstacles | 4 `nearest` | rows of four, nearest first: centre, forward and left | -1..1 |
-    | | | radius; distance from the surface | -1..1 |
+    | | | radius | 0..1 |
+    | | | distance from the surface | -1..1 |
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
     | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
 
-    Obstacles are nearest to the point `focus` metres ahead of the vehicle, by the distance from
-    their surface. With a plain network rays learn faster (docs/learnability.md).
+    Obstacles are those within 30 m of the point `focus` metres ahead of the vehicle, nearest to
+    it first, by the distance from their surface. With a plain network rays learn faster
+    (docs/learnability.md).
 
     ## Reward
     `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
@@ -167,8 +170,9 @@ class ObstacleField(gym.Env[Observation, Action]):
     start to goal (141.42 m); less `failure` when the flight ends anywhere but on the goal.
     Progress telescopes and no segment is shorter than its progress, so circling never pays. A
     successful flight of L metres returns 1 - detour (L / D - 1). With the prices as they are,
-    `detour` 4 and `failure` 2, a step's reward lies between -2.95 (a longest segment straight
-    back that is the last one) and 0.106 (the same straight to the goal).
+    `detour` 4 and `failure` 2, and the usual start and goal, a step's reward lies between -2.96
+    (a longest segment straight back that is the last one) and 0.107 (the same straight to the
+    goal).
 
     ## Starting state
     (0, 0), with a derivative of 5 m per unit t towards the goal. `reset(seed=s)` flies the
@@ -193,7 +197,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     | segments | int | flown so far |
 
     ## Arguments
-    All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment.
+    All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. Only many
+    environments need a `capacity`; a single one makes room for the field that it is given.
 
     | argument | default | means |
     | --- | --- | --- |
@@ -209,7 +214,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `focus` | 0.0 | how far ahead [m] the point is to which they are nearest |
     | `rays` | 64 | rays, all around |
     | `detour`, `failure` | 4.0, 2.0 | prices in the reward |
-    | `capacity` | None | obstacles that a field may have, where it is more than the suite's |
+    | `capacity` | None | obstacles that fields may have, if more than the suite's have |
     | `render_mode` | None | or human, rgb_array |
 
     ```python

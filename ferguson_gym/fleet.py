@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -61,6 +62,7 @@ class Fleet:
         self._given: list[Field | None] = [None] * number
         self._drawn: list[int] = []
         self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
+        self._every = np.ones(number, np.bool_)
         self._counters = new_counters()
         self._crew: Crew | None = None
 
@@ -77,6 +79,7 @@ class Fleet:
         """
         self._bank.make_room(field)
         self._job = self._job._replace(world=self._bank.world)
+        self._crew = None  # which works on the job as it was
 
     def begin(
         self,
@@ -103,7 +106,9 @@ class Fleet:
                 laid[i] = field if isinstance(field, Field) else self.settings.field(field)
                 self._bank.check(laid[i])
         flights["next"][renewed] = BLOCK
-        self.draw_ahead(streams)
+        drawn = chosen.copy()
+        drawn[list(laid)] = False
+        self._draw_ahead(drawn, streams)
         for i in which:
             if i in laid:
                 self._bank.put(i, laid[i])
@@ -112,7 +117,6 @@ class Fleet:
                 flights["slot"][i] = self._job.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
         batch.begin(self._job, chosen)
-        self.draw_ahead(streams)
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -123,14 +127,19 @@ class Fleet:
         if (bad := batch.first_bad(actions)) >= 0:
             where = f" (environment {bad})" if self.number > 1 else ""
             check_action(actions[bad], where)
+        if self._job.mode != batch.DISABLED:
+            # before the step, so that one that was interrupted leaves nothing undone
+            self._draw_ahead(self._every, streams)
         self._job.actions[:] = actions
         if self.number >= MANY:
             if self._crew is None:
                 self._crew = self._hire()
             self._crew.call()
         batch.advance(self._job, self._counters)
-        if self._job.mode != batch.DISABLED:
-            self.draw_ahead(streams)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but threads, which a copy hires anew."""
+        return self.__dict__ | {"_crew": None}
 
     def _hire(self) -> Crew:
         # the threads must not keep the fleet alive
@@ -138,17 +147,17 @@ class Fleet:
         threads = min(numba.get_num_threads(), self.number // batch.CHUNK)
         return Crew(lambda: batch.help_out(job, counters, PATIENCE), threads - 1)
 
-    def draw_ahead(self, streams: Sequence[np.random.Generator]) -> None:
-        """Draw a block of seeds for each vehicle that has used up its own."""
+    def _draw_ahead(self, chosen: Flags, streams: Sequence[np.random.Generator]) -> None:
+        """Draw a block of seeds for each chosen vehicle that has used up its own."""
         flights = self._job.flights
-        for i in np.flatnonzero(flights["next"] == BLOCK).tolist():
+        for i in np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist():
             seeds = streams[i].integers(self.settings.fields, size=BLOCK)
             for seed in seeds[self._slot_of[seeds] == 0].tolist():
                 if self._slot_of[seed] == 0:
                     slot = self.number + len(self._drawn)
                     self._bank.put_discs(slot, self.settings.discs(seed))
-                    self._slot_of[seed] = slot
                     self._drawn.append(seed)
+                    self._slot_of[seed] = slot
             self._job.queue[i], flights["next"][i] = self._slot_of[seeds], 0
 
     @property

@@ -191,11 +191,12 @@ def _ranges(
             continue
         ahead = np.float32(turn.real * x + turn.imag * y)
         left = np.float32(turn.real * y - turn.imag * x)
-        square = np.float32(radii[k] * radii[k])
+        # (r - a)(r + a), not r^2 - a^2, which would have no digits left for a wall of a disc
+        radius = np.float32(radii[k])
         for j in range(len(ranges)):
             along = ways[0, j] * ahead + ways[1, j] * left
             across = ways[0, j] * left - ways[1, j] * ahead
-            half2 = square - across * across
+            half2 = (radius - across) * (radius + across)
             reach = along - np.sqrt(half2 if half2 > none else none)
             reach = reach if reach > none else none
             hit = half2 > none and along > none and reach < ranges[j]

@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from ferguson_gym.arrays import finite
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.observations import KINDS, Layout, rays_around
+from ferguson_gym.observations import KINDS, VIEW, Layout, rays_around
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.rewards import Prices
 from ferguson_gym.suites import (
@@ -24,7 +24,7 @@ from ferguson_gym.suites import (
 MOST_FIELDS = 1_000_000
 """That resets may draw from: each has its place in an array."""
 MOST_OBSTACLES = 10_000
-"""That a field may have room for."""
+"""That a field may have room for; also the most rays, rows and segments."""
 MOST_IN_TRAPS = 117
 """Five pockets of at most 21 discs, and 12 single ones."""
 
@@ -53,6 +53,9 @@ class Settings:
     capacity: int | None = None
 
     def __post_init__(self) -> None:
+        for name in ("suite", "split", "observation"):
+            if not isinstance(given := getattr(self, name), str):
+                raise ValueError(f"{name} must be a name, got {given!r}")
         check_suite(self.suite, self.split)
         self._check_numbers()
         if not 1 <= self.fields <= MOST_FIELDS:
@@ -69,11 +72,11 @@ class Settings:
             raise ValueError(
                 f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
             )
-        for name in ("nearest", "rays"):
-            if (number := getattr(self, name)) < 1:
-                raise ValueError(f"an observation needs {name} >= 1, got {number}")
-        if not 0.0 <= self.focus <= 30.0:
-            raise ValueError(f"focus lies between 0 and 30 m ahead, got {self.focus}")
+        for name in ("nearest", "rays", "segments"):
+            if not 1 <= (number := getattr(self, name)) <= MOST_OBSTACLES:
+                raise ValueError(f"need {name} from 1 to {MOST_OBSTACLES}, got {number}")
+        if not 0.0 <= self.focus <= VIEW:
+            raise ValueError(f"focus lies between 0 and {VIEW:g} m ahead, got {self.focus}")
         for name in ("detour", "failure"):
             if not 0.0 <= (price := getattr(self, name)) <= 100.0:
                 raise ValueError(f"the price {name} lies between 0 and 100, got {price}")
@@ -95,6 +98,8 @@ class Settings:
                 raise ValueError(f"{name} must be {a_number}, got {given!r}")
         if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
             raise ValueError(f"radii are (least, greatest), got {self.radii!r}")
+        if self.radii is not None:  # not the caller's own list, which may change
+            object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 
     @property
     def limits(self) -> Limits:

@@ -51,11 +51,12 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     ```
 
     ## Autoreset
-    `autoreset_mode`: an `AutoresetMode` or its value. "NextStep" (the default): the step after
-    a flight's last resets it, ignores the action and has reward 0. "SameStep": the last step
-    resets it and returns the new flight's observation; `info["final_obs"]` and
-    `info["final_info"]` hold the ended one's. "Disabled": `reset(options={"reset_mask": mask})`
-    resets those that are chosen, and a step while any flight is over is an error.
+    `autoreset_mode`, an argument of this environment alone, is an `AutoresetMode` or its value.
+    "NextStep" (the default): the step after a flight's last resets it, does not fly the (valid)
+    action and has reward 0. "SameStep": the last step resets it and returns the new flight's
+    observation; `info["final_obs"]` and `info["final_info"]` hold the ended one's. "Disabled":
+    `reset(options={"reset_mask": mask})` resets those that are chosen, and a step while any
+    flight is over is an error.
 
     ## Seeds and fields
     `reset(seed=s)` gives environment i the seed s + i, `reset(seed=[...])` each its own (None
@@ -142,7 +143,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             raise RuntimeError("no fields yet: call reset() first")
 
     def control(self, index: int) -> Array:
-        """Segments (n, 4, 2) that an environment's flight has flown."""
+        """Segments (n, 4, 2) that an environment's flight has flown; none before a reset."""
         return self._fleet.control(index)
 
     def refused(self, index: int) -> Array | None:
@@ -163,9 +164,9 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 or chooses nothing, a field that is none, not planar or has too many obstacles,
                 a seed that is no whole number from 0 to 2**63 - 1.
         """
-        options = dict(options or {})
-        chosen = self._mask(options.pop("reset_mask", None))
-        fields = self._fields(chosen_field(options))
+        options = options or {}
+        chosen = self._mask(options.get("reset_mask"))
+        fields = self._fields(chosen_field(options, "reset_mask"))
         seeds = self._seeds_of(seed)
         if not chosen.all() and (self._fleet.outcome[~chosen] == NOT_STARTED).any():
             raise ValueError("the first reset starts every environment: leave reset_mask out")

@@ -252,7 +252,7 @@ def test_a_bad_action_is_refused_and_the_flight_goes_on(action: np.ndarray, mess
     [
         ({"suite": "jungle"}, "unknown suite 'jungle'; suites are standard, sparse"),
         ({"split": "exam"}, "unknown split 'exam'; splits are train, validation, test"),
-        ({"nearest": 0}, "needs nearest >= 1, got 0"),
+        ({"nearest": 0}, "need nearest from 1 to 10000, got 0"),
         ({"render_mode": "ascii"}, "unknown render mode 'ascii'; modes are human, rgb_array"),
     ],
 )

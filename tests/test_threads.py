@@ -1,5 +1,6 @@
 """Environments and threads: the same results on any number, and nothing left behind."""
 
+import copy
 import gc
 import os
 import subprocess
@@ -19,6 +20,7 @@ from ferguson_gym import batch, fleet
 from ferguson_gym.crew import CLAIMED, DONE, add, get, new_counters
 from ferguson_gym.environment import INFOS
 from ferguson_gym.fields import Field
+from ferguson_gym.fleet import BLOCK
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.vector_environment import VectorObstacleField
 
@@ -192,7 +194,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
         before, helper = late[0], threading.Thread(target=help_late)
         helper.start()
         batch.advance(job, counters)
-        envs._fleet.draw_ahead(envs._streams)
+        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         waited = late[0] > before
         helper.join()
         assert waited == (late[0] > before)
@@ -251,3 +253,27 @@ def test_a_forked_child_flies_on_without_the_threads_of_its_parent() -> None:
 def test_a_program_ends_while_threads_look_for_work() -> None:
     done = run(SCRIPT + "print('flew')")
     assert (done.returncode, done.stdout, done.stderr) == (0, "flew\n", "")
+
+
+def test_a_step_that_was_interrupted_before_seeds_were_drawn_leaves_nothing_undone() -> None:
+    envs = VectorObstacleField(3, fields=50)
+    envs.reset(seed=0)
+    ends = np.full((3, 4), -1.0, np.float32)
+    for _ in range(3):
+        envs._fleet._job.flights["next"][:] = BLOCK  # all used up, and no more drawn
+        envs.step(ends)
+        assert (envs._fleet._job.flights["next"] <= BLOCK).all()
+        assert {envs.field(i).name.partition(":")[0] for i in range(3)} == {"standard/train"}
+
+
+def test_environments_with_threads_can_be_copied() -> None:
+    envs = VectorObstacleField(70, fields=10)
+    envs.reset(seed=0)
+    actions = np.zeros((70, 4), np.float32)
+    envs.step(actions)
+    twin = copy.deepcopy(envs)
+    for _ in range(5):
+        (seen, reward, *_), (other, again, *_) = envs.step(actions), twin.step(actions)
+        np.testing.assert_array_equal(reward, again)
+        for key in seen:
+            np.testing.assert_array_equal(seen[key], other[key])
