@@ -45,7 +45,7 @@ class Driver(Protocol):
     """Steps what it was made with."""
 
     def reset(self, seed: int) -> None:
-        """Start all flights."""
+        """Seed, and start all flights in fields that are drawn from the seeds."""
 
     def run(self, seconds: float) -> Slice:
         """Step for a time, at least once; flights that end are followed by others."""
@@ -60,6 +60,7 @@ class OneByOne:
     def reset(self, seed: int) -> None:
         """Start all flights."""
         self._env.reset(seed=seed)
+        self._env.reset()
 
     def run(self, seconds: float) -> Slice:
         """Step; each step counts."""
@@ -86,6 +87,7 @@ class Together:
     def reset(self, seed: int) -> None:
         """Start all flights."""
         self._envs.reset(seed=seed)
+        self._envs.reset()
         self._over[:] = False
 
     def run(self, seconds: float) -> Slice:
@@ -114,6 +116,7 @@ class ForBaselines:
     def reset(self, seed: int) -> None:
         """Start all flights."""
         self._envs.seed(seed)
+        self._envs.reset()
         self._envs.reset()
 
     def run(self, seconds: float) -> Slice:
@@ -157,7 +160,7 @@ class Entry:
     def warm_up(self, driver: Driver, rng: np.random.Generator) -> None:
         """Compile, and lay out the fields.
 
-        A reset with a seed of its own draws a block of them for each environment; ten draws a
+        The reset after one with a seed draws a block of them for each environment; ten draws a
         field leave one out with probability exp(-10).
         """
         draws = BLOCK * (self.number if self.share else 1)

@@ -5,7 +5,7 @@ Run it from a checkout with the extra `agents`:
     .venv/bin/python benchmarks/learnability.py study --out results/learnability
     .venv/bin/python benchmarks/learnability.py train --minutes 60 --out results/ppo
 
-`study` gives every variant the same number of steps and the same two seeds, one variant
+`study` gives every variant the same number of steps and the same seeds, one variant
 after another, and goes on where it was stopped; `train` flies the chosen settings for an hour.
 Both choose on standard/validation:0-199; `train` reports standard/validation:200-999.
 """
@@ -342,7 +342,7 @@ def main() -> None:
     commands = parser.add_subparsers(required=True)
     one = commands.add_parser("study", help="compare variants")
     one.add_argument("--steps", type=int, default=500_000)
-    one.add_argument("--seeds", type=int, default=2)
+    one.add_argument("--seeds", type=int, default=1)
     one.set_defaults(run=lambda given: study(given.steps, given.seeds, given.out))
     two = commands.add_parser("train", help="train the chosen settings")
     two.add_argument("--minutes", type=float, default=60.0)

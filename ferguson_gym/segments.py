@@ -209,12 +209,12 @@ def segment_clearance(
     # first the disc that seems nearest: what it leaves rules out most others unseen
     bounds = scratch.work[0]
     nearest = _bounds(columns, radii, square, reach, scratch)
-    if not bounds[nearest] < best:
-        return best
-    best = _nearer(control, columns, radii, nearest, best, scratch)
-    for k in range(len(radii)):
-        if bounds[k] < best and k != nearest:
+    for turn in range(len(radii) + 1):
+        k = nearest if turn == 0 else turn - 1
+        if bounds[k] < best and (turn == 0 or k != nearest):
             best = _nearer(control, columns, radii, k, best, scratch)
+        elif turn == 0:
+            break
     return best
 
 
