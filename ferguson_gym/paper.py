@@ -4,7 +4,7 @@ The paper names its fields rng(1) to rng(4) and gives no coordinates. These are 
 one stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign`
 draws them, scaled to [5, 95], then 50 radii between 3 and 7 m. That they are the paper's is
 likely, not proved: rng(4) has the barrier of touching discs near (50, 40) that the paper
-describes, single-start is stuck on rng(2) and rng(4) as it was there, and no other order of
+describes, single-start is stuck on rng(4) as it was there, and no other order of
 the calls that was tried allows the paper's four path lengths.
 """
 

@@ -77,7 +77,7 @@ def test_scalar_steps_are_counted_and_flights_follow_each_other() -> None:
     assert [one.steps for one in slices[:7]] == [1] * 7
     assert [one.flights for one in slices[:7]] == [0, 0, 1, 0, 0, 1, 0]
     assert total(slices) == (env.steps, env.steps // 3)
-    assert env.resets == 1 + env.steps // 3
+    assert env.resets == 2 + env.steps // 3
     assert slices[-1].seconds >= 0.01
 
 
