@@ -7,6 +7,8 @@ from collections.abc import Callable
 from planners.interface import Planner
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon
+from planners.shortest import Exact
+from planners.whole_path import WholePath
 
 
 def single_start() -> RecedingHorizon:
@@ -19,9 +21,15 @@ def multi_start() -> RecedingHorizon:
     return RecedingHorizon()
 
 
+def shortest() -> WholePath:
+    """The exact shortest path, fitted."""
+    return WholePath(router=Exact())
+
+
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
     "multi-start": multi_start,
+    "shortest": shortest,
 }
 """Makers of planners by name."""
 

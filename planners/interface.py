@@ -16,6 +16,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
+from planners.routes import Route
 
 
 class Status(Enum):
@@ -28,6 +29,14 @@ class Status(Enum):
         Outcome.OUT_OF_SEGMENTS.sentence,
         Outcome.OUT_OF_SEGMENTS,
     )
+
+    NO_ROUTE = ("no_route", "found no way to the goal", Outcome.GAVE_UP)
+    NOT_FITTED = (
+        "not_fitted",
+        "found a way to the goal, but no feasible chain of segments along it",
+        Outcome.GAVE_UP,
+    )
+    CRASHED = ("crashed", "its library crashed or did not answer", Outcome.GAVE_UP)
 
     def __init__(self, label: str, sentence: str, outcome: Outcome) -> None:
         self.label = label
@@ -100,7 +109,10 @@ class Plan:
     """States before each segment, and the last: n + 1. Planning from `states[k]` gives the
     rest of this plan again."""
     decisions: Sequence[Decision]
-    """One for each segment, and the failed one where it failed."""
+    """One for each segment, and the failed one where it failed; a single one from planners
+    that plan the whole path at once."""
+    route: Route | None = None
+    """What planners of whole paths found before segments were fitted to it."""
 
     @property
     def success(self) -> bool:

@@ -1,0 +1,51 @@
+"""Ferguson chains along a route: knots on it, then all segments optimised together.
+
+The route gives the way past the obstacles, no more: the chain is the shortest that the optimiser
+finds near it, so that planners are compared by the way they chose and not by their corners.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ferguson_gym import flight
+from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import Limits
+from planners.multi_start import MultiStart
+from planners.sqp import ElasticSqp
+from planners.starts import through
+from planners.window import WindowSettings, final_window
+
+SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
+"""Length of segments at first [m]; tried one after the other until one leads to a chain."""
+_SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
+
+
+def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> Array | None:
+    """The shortest chain (n, 4, 2) found along a route, certified feasible; None without one.
+
+    It leaves the vehicle's position with its derivative and ends on the goal.
+
+    Args:
+        points: (m, 2) of the route, from the vehicle to the goal [m].
+        field: what it leads through.
+        vehicle: where the chain starts.
+        limits: what a segment may be.
+    """
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    tried: set[int] = set()
+    for spacing in SPACINGS:
+        segments = max(1, math.ceil(along[-1] / spacing))
+        if segments in tried or segments > limits.segments - vehicle.segments:
+            continue
+        tried.add(segments)
+        at = np.linspace(0.0, along[-1], segments + 1)
+        knots = np.column_stack([np.interp(at, along, axis) for axis in points.T])
+        window = final_window(field, vehicle, limits, WindowSettings(), segments)
+        (end,) = _SOLVER.solve(window, [through(vehicle, knots)])
+        if end.feasible:
+            return end.control
+    return None
