@@ -2,12 +2,14 @@
 
 Numba caches machine code beside the module and watches the file of the function it holds, no
 other; yet kernels call kernels and take constants of other files. Each is therefore cached under
-a name that carries a digest of all source files: whatever changes, nothing stale is run.
+a name that carries a digest of every file that some kernel can reach: whatever changes, nothing
+stale is run.
 """
 
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,19 +21,37 @@ F = TypeVar("F", bound=Callable[..., object])
 
 PACKAGES = ("ferguson_gym", "planners")
 """Packages with compiled functions."""
+_IMPORT = re.compile(r"^\s*(?:from|import) .*", re.MULTILINE)
+_WORD = re.compile(r"\w+")
 
 
 def digest(root: Path) -> str:
-    """Short digest of all source files of the packages below a directory.
-
-    Of all: kernels take constants from files without any, too.
-    """
+    """Short digest of the source files below a directory that kernels can reach."""
     state = hashlib.sha256()
-    for package in PACKAGES:
-        for path in sorted((root / package).glob("*.py")):
-            state.update(path.name.encode())
-            state.update(path.read_bytes())
+    for path in reachable(root):
+        state.update(path.name.encode())
+        state.update(path.read_bytes())
     return state.hexdigest()[:12]
+
+
+def reachable(root: Path) -> list[Path]:
+    """Files with kernels, and all that they import, directly or not; none that matters less.
+
+    A line that imports is taken to name every file whose name is a word of it: rather one
+    too many.
+    """
+    files = [path for package in PACKAGES for path in sorted((root / package).glob("*.py"))]
+    names = {path.stem for path in files}
+    imports = {}
+    for path in files:
+        lines = _IMPORT.findall(path.read_text(encoding="utf-8"))
+        imports[path] = names.intersection(_WORD.findall(" ".join(lines)))
+    wanted: set[str] = set()
+    more = {path.stem for path in files if "compilation" in imports[path]}
+    while more - wanted:
+        wanted |= more
+        more = {name for path in files if path.stem in wanted for name in imports[path]}
+    return [path for path in files if path.stem in wanted]
 
 
 @cache

@@ -1,12 +1,15 @@
-"""Cached machine code is tied to all source files, since kernels call each other."""
+"""Cached machine code is tied to every file that kernels reach, since they call each other."""
 
+import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 
 from ferguson_gym import segments
-from ferguson_gym.compilation import PACKAGES, digest
+from ferguson_gym.compilation import PACKAGES, digest, reachable
 
 ROOT = Path(__file__).parent.parent
 
@@ -20,14 +23,48 @@ def copy(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_every_file_is_watched_since_kernels_take_constants_from_any(copy: Path) -> None:
-    before = digest(copy)
+def test_every_file_that_kernels_reach_is_watched_since_they_take_constants(copy: Path) -> None:
+    before, watched = digest(copy), {path.name for path in reachable(copy)}
     for package in PACKAGES:
         for path in (copy / package).glob("*.py"):
             source = path.read_text()
             path.write_text(f"{source}\n# a change\n")
-            assert digest(copy) != before, path.name
+            assert (digest(copy) != before) == (path.name in watched), path.name
             path.write_text(source)
+    assert digest(copy) == before
+
+
+def test_what_a_file_with_kernels_imports_is_reached(copy: Path) -> None:
+    """Asked of Python itself: what importing the files with kernels loads."""
+    with_kernels = [
+        f"{path.parent.name}.{path.stem}"
+        for package in PACKAGES
+        for path in (copy / package).glob("*.py")
+        if "@compiled" in path.read_text()
+    ]
+    loaded = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            f"import sys, {', '.join(with_kernels)}; print(*sys.modules)",
+        ],
+        cwd=copy,
+        env={**os.environ, "PYTHONPATH": str(copy)},
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    needed = {
+        name.split(".")[1] + ".py"
+        for name in loaded
+        if name.startswith(tuple(f"{package}." for package in PACKAGES))
+    }
+    assert needed <= {path.name for path in reachable(copy)}
+
+
+def test_what_no_kernel_reaches_costs_no_compilation(copy: Path) -> None:
+    before = digest(copy)
+    (copy / "planners" / "new_peer.py").write_text("from planners import distance\n")
     assert digest(copy) == before
 
 
