@@ -16,7 +16,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
-from planners.catalog import multi_start
+from planners.catalog import multi_start, shortest
 from planners.interface import Decision, depart
 from planners.shortest import exact_length
 
@@ -78,15 +78,25 @@ class Flight:
 @cache
 def compile_kernels() -> None:
     """Compile, or load from the cache, what a flight's clock should not count; once."""
-    field = Field(name="one disc", obstacles=Discs(np.full((1, 2), 9.0), np.ones(1)))
-    multi_start().decide(field, depart(field), 0)
+    # the goal lies beyond the first window, so that one of each kind is planned
+    field = Field(
+        name="one disc",
+        obstacles=Discs(np.array([[25.0, 0.5]]), np.ones(1)),
+        goal=np.array([50.0, 0.0]),
+    )
+    for planner in (multi_start(), shortest()):
+        planner.plan(field, depart(field), 0)
+    env = ObstacleField(fields=1)
+    env.reset(seed=0, options={"field": field})
+    env.step(np.zeros(4, np.float32))
+    exact_length(field)
     field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
 
 
 def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
     """Fly a policy through a field in the environment: a function of (policy, field, seed)."""
     compile_kernels()
-    env = ObstacleField()
+    env = ObstacleField(fields=1)  # no room for drawn fields: one is handed in
     began = time.perf_counter()
     observation, info = env.reset(seed=0, options={"field": field})
     policy.begin(field, seed)

@@ -79,3 +79,36 @@ def test_packages_are_those_with_kernels() -> None:
 
 def test_machine_code_is_cached_under_the_digest() -> None:
     assert digest(ROOT) in segments.clearance.__qualname__
+
+
+FLIGHTS = """
+import gc
+from numba.core.dispatcher import Dispatcher
+from agents.flights import compile_kernels, fly_by_name
+from ferguson_gym.catalog import one
+from planners.catalog import PLANNERS
+
+def kernels():
+    found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
+    return {(k.py_func.__module__, k.py_func.__name__, *map(str, k.signatures)) for k in found}
+
+fields = [one(name) for name in ("sparse/train:0", "traps/train:0", "paper:1")]
+compile_kernels()
+before = kernels()
+for planner in PLANNERS:
+    for field in fields:
+        fly_by_name(planner, field, 0)
+print(sorted(kernels() - before))
+"""
+
+
+def test_no_flight_waits_for_a_kernel() -> None:
+    """In a fresh process, where each is compiled, or loaded, when it is first called."""
+    done = subprocess.run(
+        [sys.executable, "-c", FLIGHTS],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stdout == "[]\n"
