@@ -1,15 +1,15 @@
 """Threads that help: every piece is done once, and they end when their owner does."""
 
-import gc
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numba
 import numpy as np
 import pytest
 
 from ferguson_gym.crew import CLAIMED, DONE, Crew, add, get, new_counters, put
+from tests.waiting import until
 
 PATIENT = 20_000
 
@@ -50,29 +50,6 @@ def read(counters: np.ndarray, index: int) -> int:
 @numba.njit
 def changed(counters: np.ndarray) -> tuple[int, int, int]:
     return add(counters, DONE, 5), put(counters, DONE, 3), get(counters, DONE)
-
-
-def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-    """Whether it comes true within this time; the machine may be busy."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.001)
-    return True
-
-
-@pytest.fixture
-def started() -> Iterator[Callable[[], list[threading.Thread]]]:
-    """Threads alive that a test has started; at its end there must be none."""
-    before = set(threading.enumerate())
-
-    def mine() -> list[threading.Thread]:
-        return [thread for thread in threading.enumerate() if thread not in before]
-
-    yield mine
-    gc.collect()
-    assert until(lambda: not mine()), mine()
 
 
 def test_counters() -> None:

@@ -1,14 +1,13 @@
 """Environments and threads: the same results on any number, and nothing left behind."""
 
 import copy
-import gc
 import os
 import subprocess
 import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -23,19 +22,10 @@ from ferguson_gym.fields import Field
 from ferguson_gym.fleet import BLOCK
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.vector_environment import VectorObstacleField
+from tests.waiting import until
 
 ROOT = Path(__file__).parent.parent
 OPEN = Field(name="open", obstacles=Discs([], []))
-
-
-def until(condition: Callable[[], bool], seconds: float = 20.0) -> bool:
-    """Whether it comes true within this time; the machine may be busy."""
-    end = time.monotonic() + seconds
-    while not condition():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.001)
-    return True
 
 
 @pytest.fixture(scope="module", autouse=True)
@@ -46,19 +36,6 @@ def compiled() -> None:
     job = envs._fleet._job
     batch.advance(job, new_counters())
     batch.help_out(job, new_counters(), 0)
-
-
-@pytest.fixture
-def started() -> Iterator[Callable[[], list[threading.Thread]]]:
-    """Threads alive that a test has started; at its end there must be none."""
-    before = set(threading.enumerate())
-
-    def mine() -> list[threading.Thread]:
-        return [thread for thread in threading.enumerate() if thread not in before]
-
-    yield mine
-    gc.collect()
-    assert until(lambda: not mine()), mine()
 
 
 def flown(number: int, seed: int = 0, **arguments: Any) -> bytes:
