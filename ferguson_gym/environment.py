@@ -2,112 +2,32 @@
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Mapping
-from typing import Any, cast
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from gymnasium import spaces
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array, real
-from ferguson_gym.catalog import one
+from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
 from ferguson_gym.flight import State
+from ferguson_gym.interface import (
+    INFOS,
+    action_space,
+    as_actions,
+    as_field,
+    as_seed,
+    chosen_field,
+    observation_space,
+    settings_of,
+)
 from ferguson_gym.observations import Observation, entries_of
 from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import Settings
-from ferguson_gym.suites import LAST_SEED
 
 RENDER_MODES = ("human", "rgb_array")
-INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
-"""Keys of `info`."""
-
-
-def action_space() -> spaces.Space[Action]:
-    """The space of one vehicle's actions."""
-    return cast("spaces.Space[Action]", spaces.Box(-1.0, 1.0, (4,), np.float32))
-
-
-def observation_space(settings: Settings) -> spaces.Space[Observation]:
-    """The space of one vehicle's observations."""
-    low = {"mask": 0.0, "rays": 0.0}
-    boxes: dict[str, spaces.Space[Any]] = {
-        key: spaces.Box(low.get(key, -1.0), 1.0, (size,), np.float32)
-        for key, size in settings.layout.entries().items()
-    }
-    return cast("spaces.Space[Observation]", spaces.Dict(boxes))
-
-
-def settings_of(arguments: dict[str, Any]) -> Settings:
-    """The settings that an environment's arguments mean.
-
-    Raises:
-        TypeError: an unknown argument.
-        ValueError: as `Settings`.
-    """
-    known = [field.name for field in dataclasses.fields(Settings)]
-    if unknown := sorted(set(arguments) - set(known)):
-        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
-    return Settings(**arguments)
-
-
-def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
-    """Actions in single precision, as the space has them.
-
-    Raises:
-        ValueError: another shape, or no numbers.
-    """
-    if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
-        return np.ascontiguousarray(action)
-    array = real("action", action)
-    if array.shape != shape:
-        raise ValueError(f"action must have shape {shape}, got {array.shape}")
-    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
-        return array.astype(np.float32)
-
-
-def as_seed(seed: object) -> int | None:
-    """A seed as a plain number; None stays None.
-
-    Raises:
-        ValueError: anything else.
-    """
-    if seed is None:
-        return None
-    if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
-        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {seed!r}")
-    return int(seed)
-
-
-def chosen_field(options: Mapping[str, Any], *others: str) -> Any:
-    """What `reset(options={"field": ...})` asks for; None if nothing.
-
-    Raises:
-        ValueError: options that are neither this nor `others`.
-    """
-    if unknown := set(options) - {"field", *others}:
-        known = " and ".join(repr(name) for name in ("field", *others))
-        raise ValueError(f"unknown reset options {sorted(unknown)}; known: {known}")
-    return options.get("field")
-
-
-def as_field(given: object) -> Field:
-    """A field, by value or by name.
-
-    Raises:
-        ValueError: neither, or an unknown name.
-    """
-    field = one(given) if isinstance(given, str) else given
-    if not isinstance(field, Field):
-        raise ValueError(
-            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
-        )
-    return field
 
 
 class ObstacleField(gym.Env[Observation, Action]):

@@ -16,7 +16,10 @@ from ferguson_gym import batch
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
 from ferguson_gym.batch import Flags, Records
-from ferguson_gym.environment import (
+from ferguson_gym.fields import Field
+from ferguson_gym.fleet import NOT_STARTED, Fleet
+from ferguson_gym.flight import State
+from ferguson_gym.interface import (
     INFOS,
     action_space,
     as_actions,
@@ -26,9 +29,6 @@ from ferguson_gym.environment import (
     observation_space,
     settings_of,
 )
-from ferguson_gym.fields import Field
-from ferguson_gym.fleet import NOT_STARTED, Fleet
-from ferguson_gym.flight import State
 from ferguson_gym.observations import Observation, Single, entries_of
 from ferguson_gym.outcome import Outcome
 
