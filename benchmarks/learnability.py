@@ -27,14 +27,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from agents.vec_env import ObstacleFieldVecEnv
-from ferguson_gym.actions import (
-    AHEAD,
-    REACH,
-    STEEPEST,
-    encode,
-    end_point,
-    share_of_steepest,
-)
+from ferguson_gym.actions import decode, encode
 from ferguson_gym.catalog import select
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.vector_environment import VectorObstacleField
@@ -103,13 +96,12 @@ def slopes_stay(actions: Any) -> Any:
 
 
 def _slope_stays(action: Any) -> Any:
-    end = REACH * end_point(float(action[0]), float(action[1]))
-    ahead = share_of_steepest(AHEAD)
-    share = (ahead + action[2]) / (1.0 + ahead * action[2])
-    slope = STEEPEST * np.sinh(4.0 * np.array([share, action[3]])) / np.sinh(4.0)
-    segment = [[0.0, 0.0], [end.real, end.imag], [1.0, 0.0], slope]
+    here, forward = np.zeros(2), np.array([1.0, 0.0])
+    segment = decode(action, here, forward, goal=here, gate=0.0)
+    # of an end point straight ahead, which turns nothing
+    segment[3] = decode([0.0, 0.0, *action[2:]], here, forward, goal=here, gate=0.0)[3]
     try:
-        return encode(segment, np.zeros(2), np.array([1.0, 0.0]))
+        return encode(segment, here, forward)
     except ValueError:  # steeper than any feasible segment
         return action
 
