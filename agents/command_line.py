@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     plan = commands.add_parser(
         "plan",
         help="plan one field",
-        description="Plan one field; print the plan and how each window came about.",
+        description="Plan one field; print the plan, and the windows or the route it came from.",
         epilog="example: ferguson plan paper:2 --planner multi-start --plot flight.png",
     )
     plan.add_argument("field", metavar="FIELD", help="for example paper:1 or my_field.json")

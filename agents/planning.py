@@ -15,6 +15,7 @@ from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from planners.interface import Plan, Planner, depart
+from planners.routes import Route
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,7 +76,10 @@ class Report:
         """Print the plan for people."""
         flight = self.flight
         console = tables.console()
-        console.print(tables.windows(self.plan.decisions))
+        if any(decision.report.starts for decision in self.plan.decisions):
+            console.print(tables.windows(self.plan.decisions))
+        if self.plan.route is not None:
+            console.print(_told(self.plan.route, flight.exact_length))
         console.print(
             f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}",
             markup=False,
@@ -91,13 +95,24 @@ class Report:
             clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
             facts.append(f"clearance {clear:.3f} m")
             facts.append(f"smallest turn radius {radius:.3g} m")
-        facts.append(f"{self.plan.evaluations} function evaluations")
+        if self.plan.evaluations:
+            facts.append(f"{self.plan.evaluations} function evaluations")
         facts.append(f"{self.wall_seconds:.2f} s")
         console.print(", ".join(facts))
 
     def draw(self, path: Path) -> None:
         """Write a picture of the plan."""
         draw_flights([self.flight], path)
+
+
+def _told(route: Route, exact: float | None) -> str:
+    """A route before segments were fitted to it; exact is the shortest path's length [m]."""
+    seconds, _ = route.progress[-1]
+    facts = [f"route: {route.length:.4f} m", f"found after {seconds:.3f} s"]
+    if exact is not None:
+        gap = route.length / exact - 1.0
+        facts.insert(1, f"{100 * gap:.2f} % above the shortest path")
+    return ", ".join(facts)
 
 
 def _finite(value: float) -> float | None:

@@ -1,17 +1,22 @@
 """The program `ferguson`: what it prints, writes and returns."""
 
 import json
+import re
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from agents import planning
 from agents.command_line import main
 from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import to_json
+from planners.catalog import make
+from planners.routes import Route
 
 PROGRAM = Path(sys.executable).with_name("ferguson")
 
@@ -75,7 +80,45 @@ def test_plan_for_people_with_a_picture(capsys: pytest.CaptureFixture[str], tmp_
     assert "found a feasible path to the goal" in out
     assert "objective [m]" in out
     assert "converged" in out
+    assert "route" not in out
+    assert re.search(r"[1-9]\d* function evaluations", out.replace("\n", " "))
     assert "<svg" in picture.read_text()
+
+
+def test_a_plan_along_a_route_tells_of_the_route(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["plan", "paper:1", "--planner", "shortest"]) == 0
+    route, status, *facts = capsys.readouterr().out.splitlines()
+    told = r"route: 144\.8458 m, 0\.00 % above the shortest path, found after \d+\.\d{3} s"
+    assert re.fullmatch(told, route)
+    assert status == "shortest on paper:1, seed 0: found a feasible path to the goal"
+    assert "% above the shortest path, 144.8458 m" in " ".join(facts)
+    assert "evaluations" not in " ".join(facts)
+
+
+def test_a_route_that_is_not_the_shortest_says_by_how_much(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    report = planning.plan(make("shortest"), "slow", one("sparse/train:0"), 0)
+    exact = report.flight.exact_length
+    assert exact is not None
+    route = Route(
+        points=np.empty((0, 2)), length=1.5 * exact, progress=[(0.1, 999.0), (2.5, 1.5 * exact)]
+    )
+    replace(report, plan=replace(report.plan, route=route)).show()
+    told = f"route: {1.5 * exact:.4f} m, 50.00 % above the shortest path, found after 2.500 s"
+    assert capsys.readouterr().out.startswith(f"{told}\n")
+
+
+def test_without_a_route_there_is_none_to_tell_of(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    wall = {"centers": [[50, y] for y in range(-10, 111, 5)], "radii": [4] * 25}
+    path = tmp_path / "wall.json"
+    path.write_text(json.dumps(wall))
+    assert main(["plan", str(path), "--planner", "shortest"]) == 1
+    status, facts = capsys.readouterr().out.splitlines()
+    assert status == "shortest on wall, seed 0: found no way to the goal"
+    assert facts.startswith("0 segments, ")
 
 
 def test_evaluate_prints_tables_and_writes_results(
