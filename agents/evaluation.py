@@ -12,7 +12,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from agents import results, tables
 from agents.flights import Flight, fly_by_name
-from agents.pictures import draw_flights
+from agents.pictures import draw_flights, picture_of
 from ferguson_gym.fields import Field
 
 PANELS = 4
@@ -49,12 +49,12 @@ def evaluate(
     for policy in policies:
         shown = [f for f in flown if f.policy == policy and f.seed == seeds[0]][:PANELS]
         title = f"{policy}, policy seed {seeds[0]}"
-        draw_flights(shown, directory / f"{policy}.png", title=title)
+        draw_flights(shown, directory / picture_of(policy), title=title)
     console = tables.console()
     console.print(tables.summary(flown))
     if (paper := tables.paper_table(flown)) is not None:
         console.print(paper)
-    pictures = ", ".join(f"{policy}.png" for policy in policies)
+    pictures = ", ".join(map(picture_of, policies))
     console.print(
         f"wrote flights.csv, timings.csv, paths.npz, {pictures} to {directory}", markup=False
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -39,6 +40,11 @@ def check_target(path: Path) -> None:
         raise ValueError(f"the picture {path} is a directory")
     if not path.parent.is_dir():
         raise ValueError(f"no such directory for the picture: {path.parent}")
+
+
+def picture_of(policy: str) -> str:
+    """File name of a policy's picture; a policy may be named by a path."""
+    return re.sub(r"[/\\]", "-", policy) + ".png"
 
 
 def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None:

@@ -15,6 +15,7 @@ from ferguson_gym.catalog import select
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
+from planners.catalog import PLANNERS, single_start
 from planners.shortest import exact_length
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
@@ -116,3 +117,14 @@ def test_pictures_are_written(run: tuple[Path, list[Flight]]) -> None:
         "single-start.png",
         "timings.csv",
     ]
+
+
+def test_a_policy_that_is_named_by_a_path_has_its_picture_among_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    name = r"results/ppo\best.zip"
+    monkeypatch.setitem(PLANNERS, name, single_start)
+    evaluate([name], FIELDS[:1], range(1), tmp_path)
+    assert (tmp_path / "results-ppo-best.zip.png").read_bytes().startswith(b"\x89PNG")
+    assert "results-ppo-best.zip.png" in capsys.readouterr().out
+    assert rows(tmp_path / "flights.csv")[0]["policy"] == name
