@@ -38,8 +38,8 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     tried: set[int] = set()
     for spacing in SPACINGS:
-        segments = max(1, math.ceil(along[-1] / spacing))
-        if segments in tried or segments > limits.segments - vehicle.segments:
+        segments = min(max(1, math.ceil(along[-1] / spacing)), limits.segments - vehicle.segments)
+        if segments in tried:
             continue
         tried.add(segments)
         at = np.linspace(0.0, along[-1], segments + 1)
