@@ -67,13 +67,18 @@ def assert_is_taut(path: ShortestPath, field: Field, depth: float = 2e-7) -> Non
     assert (points <= field.bounds[1] + depth).all()
     if len(discs):
         assert discs.signed_distance(points).min() >= -depth
-        for start, end in path.lines:
-            assert -_depth(start, end, discs) >= -depth
+    assert line_depth(path.lines[:, 0], path.lines[:, 1], field).max() <= depth
 
 
-def _depth(start: np.ndarray, end: np.ndarray, discs: Discs) -> float:
-    """How deep a line runs in the discs [m], negative where it keeps away."""
-    span = end - start
-    share = ((discs.centers - start) @ span) / max(span @ span, 1e-300)
-    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * span
-    return float((discs.radii - np.linalg.norm(nearest - discs.centers, axis=1)).max())
+def line_depth(starts: np.ndarray, ends: np.ndarray, field: Field) -> np.ndarray:
+    """How deep lines (n, 2) run in discs or out of the bounds [m], negative where they do not."""
+    discs = field.obstacles
+    assert isinstance(discs, Discs)
+    span = (ends - starts)[:, None]
+    share = ((discs.centers - starts[:, None]) * span).sum(axis=-1)
+    share /= np.maximum((span**2).sum(axis=-1), 1e-300)
+    nearest = starts[:, None] + np.clip(share, 0.0, 1.0)[..., None] * span
+    within = discs.radii - np.linalg.norm(nearest - discs.centers, axis=-1)
+    both = np.stack([starts, ends])
+    outside = np.maximum(field.bounds[0] - both, both - field.bounds[1]).max(axis=(0, 2))
+    return np.maximum(within.max(axis=1, initial=-np.inf), outside)

@@ -1,0 +1,69 @@
+"""Straight lines through a field: whether anything stands in their way."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.compilation import compiled
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS
+from planners.distance import seen
+from planners.tangents import Scene, View, is_clear, scene
+
+
+def scene_from(
+    field: Field, position: Array, tolerance: float = PAPER_LIMITS.tolerance
+) -> Scene | None:
+    """What can stand in the way of lines, as a vehicle sees it; None if it is not free itself.
+
+    Where the vehicle lies in a disc or outside the bounds by the tolerance, lines may, too: as
+    deep as the vehicle, no deeper. A flight touches what it passes, and must get away again.
+
+    Args:
+        field: of discs in the plane.
+        position: (2,) of the vehicle [m].
+        tolerance: by how much it may lie inside discs or outside the bounds [m].
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    world, _ = scene(field)
+    free, discs = seen(world, float(position[0]), float(position[1]), tolerance)
+    if not free:
+        return None
+    low, high = world.box
+    box = np.stack([np.minimum(low, position), np.maximum(high, position)])
+    return world._replace(discs=discs, box=box)
+
+
+def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
+    """Whether straight lines enter no disc and stay inside the bounds: (n,).
+
+    Exact but for the margin of `planners.tangents`, the same as that of shortest paths.
+
+    Args:
+        scene: what can stand in the way.
+        starts: (n, 2), or (2,) for all alike [m].
+        ends: likewise. A line may be of length zero.
+    """
+    lines = np.array(np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(ends)), np.float64)
+    return _are_clear(scene, lines[0], lines[1])
+
+
+@compiled
+def _are_clear(scene: Scene, starts: Array, ends: Array) -> NDArray[np.bool_]:
+    discs, box = scene.discs, scene.box
+    every = View(np.arange(len(discs)), np.full(len(discs), -np.inf))
+    clear = np.zeros(len(starts), dtype=np.bool_)
+    for k in range(len(starts)):
+        x, y = starts[k]
+        end_x, end_y = ends[k]
+        inside = box[0, 0] <= min(x, end_x) and max(x, end_x) <= box[1, 0]
+        inside = inside and box[0, 1] <= min(y, end_y) and max(y, end_y) <= box[1, 1]
+        dx, dy = end_x - x, end_y - y
+        length = np.sqrt(dx * dx + dy * dy)
+        ux, uy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
+        clear[k] = inside and is_clear(x, y, ux, uy, length, np.inf, discs, every, -1, -1)
+    return clear
