@@ -14,13 +14,15 @@ from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
-from planners.multi_start import MultiStart
+from planners.multi_start import MultiStart, beside
 from planners.sqp import ElasticSqp
 from planners.starts import through
 from planners.window import WindowSettings, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 """Length of segments at first [m]; tried one after the other until one leads to a chain."""
+ASIDE = 3.0
+"""How far a guess is moved aside where it leads to nothing [m]."""
 _SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
@@ -45,7 +47,10 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
         at = np.linspace(0.0, along[-1], segments + 1)
         knots = np.column_stack([np.interp(at, along, axis) for axis in points.T])
         window = final_window(field, vehicle, limits, WindowSettings(), segments)
-        (end,) = _SOLVER.solve(window, [through(vehicle, knots)])
-        if end.feasible:
-            return end.control
+        along_route = through(vehicle, knots)
+        # a guess on a straight line cannot choose a side to be long enough on
+        for guess in (along_route, *beside(along_route, ASIDE)):
+            (end,) = _SOLVER.solve(window, [guess])
+            if end.feasible:
+                return end.control
     return None

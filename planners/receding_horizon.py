@@ -19,13 +19,12 @@ import numpy as np
 from ferguson_gym import flight
 from ferguson_gym.actions import REACH
 from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from planners.exchange import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart
-from planners.rollout import roll_out
+from planners.rollout import arriving, rest, roll_out
 from planners.starts import RandomGuess, random_chains, shifted, straight
 from planners.window import Window, WindowSettings, final_window, horizon_window
 
@@ -69,9 +68,8 @@ class RecedingHorizon:
         """Decide the next segment, and what is meant to follow it."""
         began = time.perf_counter()
         until = began + self.deadline
-        arriving = len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
-        if arriving and (rest := self._rest(field, state)) is not None:
-            return Decision(rest, _report(state, "planned", None, [], began))
+        if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
+            return Decision(left, _report(state, "planned", None, [], began))
         vehicle = state.vehicle
         window = self.window(field, vehicle)
         solved: list[tuple[str, Certified]] = []
@@ -91,9 +89,9 @@ class RecedingHorizon:
                     report = _report(state, name, kept, solved, began, until, final)
                     return Decision(kept.control, report)
             if time.perf_counter() > until:
-                if (rest := self._rest(field, state)) is not None:
+                if (left := rest(field, state, self.limits)) is not None:
                     report = _report(state, "planned", None, solved, began, until)
-                    return Decision(rest, report)
+                    return Decision(left, report)
                 break
         return Decision(None, _report(state, "", None, solved, began, until))
 
@@ -146,16 +144,6 @@ class RecedingHorizon:
             return None
         step = flight.follow(field, state.vehicle, final.control[0], self.limits)
         return final if step.flown else None
-
-    def _rest(self, field: Field, state: State) -> Array | None:
-        """The plan's rest, if there is any and it is feasible from the state flown."""
-        if len(state.tail) == 0:
-            return None
-        chain = shifted(state.vehicle, state.tail, len(state.tail))
-        # the tolerance covers the rounding of the segment flown last
-        if not is_feasible(chain, field, self.limits).all():
-            return None
-        return chain if flight.follow(field, state.vehicle, chain[0], self.limits).flown else None
 
 
 def _report(

@@ -4,16 +4,36 @@ from __future__ import annotations
 
 import numpy as np
 
+from ferguson_gym.arrays import Array
+from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import Step, follow
+from ferguson_gym.limits import Limits
 from ferguson_gym.outcome import Outcome
 from planners.interface import Decision, Plan, Replanner, State, Status
+from planners.starts import shifted
 
 
 def successor(decision: Decision, step: Step) -> State:
     """The state after flying the first segment of a decision."""
     assert decision.chain is not None
     return State(step.state, decision.chain[1:])
+
+
+def rest(field: Field, state: State, limits: Limits) -> Array | None:
+    """What is left of a plan (n, 4, 2), if anything is and it is feasible from the state flown."""
+    if len(state.tail) == 0:
+        return None
+    chain = shifted(state.vehicle, state.tail, len(state.tail))
+    # the tolerance covers the rounding of the segment flown last
+    if not is_feasible(chain, field, limits).all():
+        return None
+    return chain if follow(field, state.vehicle, chain[0], limits).flown else None
+
+
+def arriving(field: Field, state: State) -> bool:
+    """Whether what is planned ends on the goal."""
+    return len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
 
 
 def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
@@ -42,3 +62,19 @@ def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
             status = Status.OUT_OF_SEGMENTS
             break
     return Plan(status, np.array(flown).reshape(-1, 4, 2), states, decisions)
+
+
+def fly(chain: Array, field: Field, state: State, limits: Limits) -> tuple[Array, list[State]]:
+    """Fly segments (n, 4, 2) as far as they may be flown.
+
+    Returns:
+        The segments flown (m, 4, 2), as rounded to float32 actions, and the m + 1 states.
+    """
+    states, flown = [state], []
+    for segment in chain:
+        step = follow(field, states[-1].vehicle, segment, limits)
+        if not step.flown:
+            break
+        flown.append(step.control)
+        states.append(State(step.state, chain[len(flown) :]))
+    return np.array(flown).reshape(-1, 4, 2), states
