@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 import torch
+from gymnasium import spaces
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
@@ -53,9 +54,10 @@ REFINING: dict[str, Any] = {
     "learning_rate": 4e-4,
     "gamma": 0.95,
     "gae_lambda": 0.95,
+    "ent_coef": 1e-3,
 }
 """The learner's second phase, when `FIRST_SHARE` of the time is over."""
-FIRST_SHARE, REFINING_DEVIATION = 0.1, 0.06
+FIRST_SHARE = 0.1
 POLICY: dict[str, Any] = {"net_arch": {"pi": [256, 256], "vf": [256, 256]}, "log_std_init": -1.5}
 
 Change = Callable[[Any], Any]
@@ -64,9 +66,9 @@ Change = Callable[[Any], Any]
 class Wrapped(VecEnvWrapper):
     """Environments whose observations or actions mean something else."""
 
-    def __init__(self, venv: VecEnv, see: Change, act: Change) -> None:
-        super().__init__(venv)
-        self._see, self._act = see, act
+    def __init__(self, venv: VecEnv, variant: Variant) -> None:
+        super().__init__(venv, action_space=variant.space)
+        self._see, self._act = variant.see, variant.act
 
     def reset(self) -> Any:
         """Start all flights."""
@@ -92,7 +94,7 @@ def as_it_is(value: Any) -> Any:
 
 def slopes_stay(actions: Any) -> Any:
     """Actions whose end derivative does not turn with the end point."""
-    return np.array([_slope_stays(action) for action in actions])
+    return np.array([_slope_stays(action) for action in within_bounds(actions)])
 
 
 def _slope_stays(action: Any) -> Any:
@@ -106,9 +108,34 @@ def _slope_stays(action: Any) -> Any:
         return action
 
 
+def _both_ways(*entries: float) -> Any:
+    return np.array([*(-entry for entry in reversed(entries)), 0.0, *entries])
+
+
+CHOICES = (
+    np.array([-0.6, -0.45, -0.3, -0.1, 0.15]),
+    _both_ways(0.04, 0.08, 0.13, 0.19, 0.27, 0.38, 0.55),
+    np.array([-0.2, -0.08, 0.0, 0.08]),
+    _both_ways(0.05, 0.12, 0.22, 0.38),
+)
+"""Values of each entry of an action that a policy of categories chooses from: where flights are
+flown, finest at small turns."""
+
+
+def chosen_values(actions: Any) -> Any:
+    """Actions (n, 4) for the indices of values in `CHOICES`."""
+    columns = zip(CHOICES, np.asarray(actions).T, strict=True)
+    return np.stack([values[index.astype(int)] for values, index in columns], axis=1)
+
+
+def within_bounds(actions: Any) -> Any:
+    """Actions of a Gaussian policy, clipped."""
+    return np.clip(actions, -1.0, 1.0)
+
+
 def a_third(actions: Any) -> Any:
     """Actions that stay near straight flight."""
-    return actions / 3.0
+    return within_bounds(actions) / 3.0
 
 
 def in_the_world(seen: Any) -> Any:
@@ -131,11 +158,20 @@ class Variant:
     learner: dict[str, Any] = field(default_factory=dict)
     see: Change = as_it_is
     """Of flat observations (n, size)."""
-    act: Change = as_it_is
-    """Of actions (n, 4)."""
+    act: Change = within_bounds
+    """Of a policy's actions, to those of the environment (n, 4)."""
+    space: spaces.Space[Any] | None = None
+    """What a policy acts in, if not in the environment's actions."""
     before: dict[str, Any] | None = None
     """Arguments of the environment in the first half of the steps: a curriculum."""
 
+
+CATEGORIES: dict[str, Any] = {
+    "act": chosen_values,
+    "space": spaces.MultiDiscrete([len(values) for values in CHOICES]),
+}
+"""A policy that chooses each entry of an action from a few, and need not stay with one of two
+ways past an obstacle while it learns."""
 
 VARIANTS: dict[str, Variant] = {
     "chosen": Variant(),
@@ -149,6 +185,7 @@ VARIANTS: dict[str, Variant] = {
     "12 discs, world's frame": Variant(environment={"observation": "discs"}, see=in_the_world),
     "end derivative does not turn": Variant(act=slopes_stay),
     "a third of the action": Variant(act=a_third),
+    "categories": Variant(**CATEGORIES),
     "detour 0.5, failure 1": Variant(environment={"detour": 0.5, "failure": 1.0}),
     "detour 1, failure 1": Variant(environment={"detour": 1.0, "failure": 1.0}),
     "detour 4, failure 0.5": Variant(environment={"failure": 0.5}),
@@ -185,7 +222,7 @@ def fly(model: PPO, variant: Variant, fields: str) -> Score:
     while not over.all():
         flat = np.concatenate(list(seen.values()), axis=1)
         actions, _ = model.predict(variant.see(flat), deterministic=True)
-        seen, _, terminated, truncated, info = envs.step(variant.act(np.clip(actions, -1.0, 1.0)))
+        seen, _, terminated, truncated, info = envs.step(variant.act(actions).astype(np.float32))
         ended = terminated | truncated
         first = ended & ~over
         outcome[first], length[first] = info["outcome"][first], info["path_length"][first]
@@ -229,14 +266,11 @@ class Watch(BaseCallback):
         if score.spl > max((point["spl"] for point in self.curve), default=-1.0):
             self.model.save(self._out / "best.zip")
         minutes = (time.monotonic() - self._began) / 60.0
-        deviation = float(self.model.policy.log_std.exp().mean().detach())
-        self.curve.append(
-            {"steps": steps, "minutes": minutes, "deviation": deviation, **vars(score)}
-        )
+        self.curve.append({"steps": steps, "minutes": minutes, **vars(score)})
         (self._out / "curve.json").write_text(json.dumps(self.curve, indent=1) + "\n")
         print(
             f"{steps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "
-            f"success {score.success:.3f}   {score.length:.1f} m   deviation {deviation:.3f}",
+            f"success {score.success:.3f}   {score.length:.1f} m",
             flush=True,
         )
 
@@ -250,7 +284,7 @@ def environments(variant: Variant, seed: int, arguments: dict[str, Any]) -> VecE
         **{**CHOSEN, **variant.environment, **arguments},
     )
     envs.seed(seed * ENVIRONMENTS)
-    return Wrapped(envs, variant.see, variant.act)
+    return Wrapped(envs, variant)
 
 
 def learn(
@@ -274,8 +308,6 @@ def learn(
     )
     if weights is not None:
         model.policy.load_state_dict(weights)
-        with torch.no_grad():
-            model.policy.log_std.fill_(float(np.log(REFINING_DEVIATION)))
     if half:
         model.learn(half, callback=watch)
         model.set_env(environments(variant, seed + 1, {}))
@@ -307,8 +339,8 @@ def train(minutes: float, seed: int, out: Path) -> None:
 
     With the dearer failure from the beginning, policies learn to fly around the field.
     """
-    seconds, first = 60.0 * minutes, VARIANTS["chosen"]
-    second = Variant(environment={"failure": 4.0, "detour": 6.0}, learner=REFINING)
+    seconds, first = 60.0 * minutes, Variant(learner={"ent_coef": 2e-3}, **CATEGORIES)
+    second = Variant(environment={"failure": 4.0, "detour": 6.0}, learner=REFINING, **CATEGORIES)
     watch = Watch(first, 500_000, FIRST_SHARE * seconds, out)
     model = learn(first, seed, 10**9, watch)
     began = time.monotonic()
