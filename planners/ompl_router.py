@@ -10,6 +10,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
@@ -26,6 +27,8 @@ from planners.worker import Worker
 
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
 
+WORKER = "planners.ompl_worker"
+"""The module that answers."""
 HAIR = 1e-12
 """Discs that the ends touch are smaller by this part: rounding must not shut the ends in."""
 
@@ -59,9 +62,10 @@ class Answer:
     """As in `Route`; seconds count from the arrival of the problem."""
 
 
-def worker() -> Worker:
-    """A process for OMPL."""
-    return Worker("planners.ompl_worker")
+@cache
+def shared_worker() -> Worker:
+    """The process that all routers share: it takes a second to start, and answers by the seed."""
+    return Worker(WORKER)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -81,8 +85,8 @@ class Ompl:
     """Whether OMPL's path simplifier shortens the route; its time adds to the budget."""
     patience: float = 60.0
     """Time beyond the budget after which the library is taken to hang [s]."""
-    worker: Worker = dataclasses.field(default_factory=worker, repr=False)
-    """Where the library runs; routers may share one, and then plan one after the other."""
+    worker: Worker = dataclasses.field(default_factory=shared_worker, repr=False)
+    """Where the library runs; routers that share one plan one after the other."""
 
     def __post_init__(self) -> None:
         if self.algorithm not in get_args(Algorithm):

@@ -54,16 +54,21 @@ class Watch:
         self._budget = problem.budget
         self.progress: list[tuple[float, float]] = []
 
-    def spent(self, iterations: int) -> bool:
-        """Whether the budget is spent after a number of iterations."""
+    @property
+    def seconds(self) -> float:
+        """Since planning began."""
+        return time.perf_counter() - self._began
+
+    def spent(self, iterations: int, ahead: float = 0.0) -> bool:
+        """Whether the budget is spent after iterations, and with work of some seconds ahead."""
         if isinstance(self._budget, Iterations):
             return iterations >= self._budget.count
-        return time.perf_counter() - self._began >= self._budget.seconds
+        return self.seconds + ahead >= self._budget.seconds
 
     def note(self, length: float) -> None:
         """Keep a length [m] if it is the least so far."""
         if length < (self.progress[-1][1] if self.progress else math.inf):
-            self.progress.append((time.perf_counter() - self._began, length))
+            self.progress.append((self.seconds, length))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,19 +154,25 @@ def prm(task: Task, watch: Watch) -> Array | None:
     """
     planner = task.ready(geometric.PRM)
     planner.solve(base.plannerAlwaysTerminatingCondition())  # start and goal join the roadmap
-    asked, size = 0, 64
+    asked, size, pace = 0, 64, 0.0
+
+    def spent() -> bool:
+        # asked before each milestone, and each time one is looked for
+        return watch.spent(asked // 2, ahead=pace * planner.milestoneCount())
 
     def stop() -> bool:
         nonlocal asked
-        asked += 1  # before each milestone, and each time one is looked for
-        return planner.milestoneCount() >= size or watch.spent(asked // 2)
+        asked += 1
+        return planner.milestoneCount() >= size or spent()
 
     while True:
         planner.growRoadmapPtc(base.PlannerTerminationCondition(stop))
+        began = watch.seconds
         points = shortest_in_roadmap(planner, task)
+        pace = (watch.seconds - began) / planner.milestoneCount()  # of a search
         if points is not None:
             watch.note(length(points))
-        if watch.spent(asked // 2):
+        if spent():
             return points
         size *= 2
 

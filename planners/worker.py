@@ -2,7 +2,7 @@
 
 The module that runs in it calls `serve`; whoever needs its answers holds a `Worker`. Requests and
 answers travel as pickles over a private pair of sockets, so nothing that a library prints is in
-the way. Either side notices at once when the other is gone.
+the way. Either side notices at once when the other is gone. It takes a POSIX system.
 """
 
 from __future__ import annotations

@@ -18,10 +18,10 @@ from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.budget import Iterations, Seconds
 from planners.catalog import make
-from planners.ompl_router import Ompl, worker
+from planners.ompl_router import WORKER, Ompl, shared_worker
 from planners.routes import CrashedError, Route
 from planners.shortest import exact_length
-from planners.worker import ROOT
+from planners.worker import ROOT, Worker
 
 pytest.importorskip("ompl")
 
@@ -33,8 +33,7 @@ FEW = {
 }
 """Enough for a route through most fields."""
 ALGORITHMS = list(FEW)
-WORKER = worker()
-ROUTERS = {name: Ompl(algorithm=name, budget=budget, worker=WORKER) for name, budget in FEW.items()}
+ROUTERS = {name: Ompl(algorithm=name, budget=budget) for name, budget in FEW.items()}
 OPEN = Field(name="open", obstacles=Discs(np.empty((0, 2)), []))
 
 
@@ -109,7 +108,8 @@ def first_routes() -> dict[str, Route]:
     """Each planned by a process that has planned nothing before."""
     field = one("standard/train:2")
     return {
-        name: found(replace(router, worker=worker()), field, 7) for name, router in ROUTERS.items()
+        name: found(replace(router, worker=Worker(WORKER)), field, 7)
+        for name, router in ROUTERS.items()
     }
 
 
@@ -192,7 +192,7 @@ def test_a_worker_killed_in_the_middle_is_a_crash_and_the_next_plan_works() -> N
     field = one("standard/train:0")
     before = found(ROUTERS["rrt-star"], field)
     endless = replace(ROUTERS["rrt-star"], budget=Iterations(10**9))
-    killed = threading.Timer(0.5, lambda: os.kill(WORKER.pid or 0, signal.SIGSEGV))
+    killed = threading.Timer(0.5, lambda: os.kill(shared_worker().pid or 0, signal.SIGSEGV))
     killed.start()
     with pytest.raises(CrashedError, match="ended with exit status -11"):
         endless.route(field, flight.depart(field), 0)
@@ -238,7 +238,8 @@ def test_the_catalogs_planners_repeat_bit_for_bit(name: str) -> None:
     router = make(name).router  # type: ignore[attr-defined]
     for field in select("standard/train:0-2"):
         np.testing.assert_array_equal(
-            found(router, field, 1).points, found(replace(router, worker=worker()), field, 1).points
+            found(router, field, 1).points,
+            found(replace(router, worker=Worker(WORKER)), field, 1).points,
         )
 
 
