@@ -17,7 +17,7 @@ from planners.worker import ROOT, Worker
 STUB = "tests.stub_worker"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def worker() -> Worker:
     return Worker(STUB)
 
@@ -32,7 +32,6 @@ def is_alive(pid: int) -> bool:
 
 
 def test_one_process_answers_one_request_after_the_other(worker: Worker) -> None:
-    assert worker.pid is None
     first, second = worker.ask("one", 30.0), worker.ask("two", 30.0)
     assert first == ("one", worker.pid)
     assert second == ("two", worker.pid)
@@ -87,6 +86,7 @@ def test_a_module_that_does_not_start_has_crashed(capfd: pytest.CaptureFixture[s
 
 def test_the_process_ends_with_its_worker() -> None:
     worker = Worker(STUB)
+    assert worker.pid is None
     _, pid = worker.ask("one", 30.0)
     del worker
     gc.collect()
@@ -103,7 +103,11 @@ def test_a_copy_has_a_process_of_its_own(worker: Worker) -> None:
 
 @pytest.mark.parametrize(
     ("end", "during"),
-    [(signal.SIGINT, "hang"), (signal.SIGKILL, "one"), (signal.SIGKILL, "hang")],
+    [
+        (signal.SIGINT, "hang"),
+        (signal.SIGKILL, "one"),
+        pytest.param(signal.SIGKILL, "hang", marks=pytest.mark.slow),
+    ],
 )
 def test_when_the_program_is_ended_its_worker_ends(end: signal.Signals, during: str) -> None:
     program = f"""
