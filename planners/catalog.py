@@ -5,9 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from planners.astar import AStar
+from planners.budget import Iterations
 from planners.extras import require
 from planners.interface import Planner
 from planners.multi_start import MultiStart
+from planners.ompl_router import Ompl
 from planners.receding_horizon import RecedingHorizon
 from planners.shortest import Exact
 from planners.voronoi import VoronoiEdges
@@ -44,12 +46,36 @@ def astar() -> WholePath:
     return WholePath(router=AStar())
 
 
+def rrt() -> WholePath:
+    """A rapidly exploring random tree, from OMPL."""
+    return WholePath(router=Ompl(algorithm="rrt", budget=Iterations(100_000)))
+
+
+def rrt_star() -> WholePath:
+    """RRT*, from OMPL."""
+    return WholePath(router=Ompl(algorithm="rrt-star", budget=Iterations(12_000)))
+
+
+def prm() -> WholePath:
+    """A probabilistic roadmap, from OMPL."""
+    return WholePath(router=Ompl(algorithm="prm", budget=Iterations(10_000)))
+
+
+def bit_star() -> WholePath:
+    """Batch informed trees, BIT*, from OMPL."""
+    return WholePath(router=Ompl(algorithm="bit-star", budget=Iterations(40)))
+
+
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
     "multi-start": multi_start,
     "shortest": shortest,
     "voronoi": voronoi,
     "astar": astar,
+    "rrt": rrt,
+    "rrt-star": rrt_star,
+    "prm": prm,
+    "bit-star": bit_star,
 }
 """Makers of planners by name."""
 

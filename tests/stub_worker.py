@@ -1,0 +1,24 @@
+"""A worker that misbehaves when told to; tests run it in a process of its own."""
+
+import os
+import signal
+import time
+
+from planners.worker import serve
+
+
+def answer(request: str) -> object:
+    match request:
+        case "crash":
+            os.kill(os.getpid(), signal.SIGSEGV)
+        case "hang":
+            time.sleep(600.0)
+        case "fail":
+            raise ValueError("no such thing")
+        case "print":
+            os.write(1, b"noise\n")
+    return request, os.getpid()
+
+
+if __name__ == "__main__":
+    serve(answer)
