@@ -100,6 +100,11 @@ class Run:
             return self.route.progress[0][0]
         return self.seconds if self.success else None
 
+    @property
+    def improved(self) -> bool:
+        """Whether the planner found a shorter route after its first."""
+        return self.route is not None and len(self.route.progress) > 1
+
 
 def certified(control: Array, field: Field) -> bool:
     """Whether segments (n, 4, 2) are a flight from a field's start to its goal."""

@@ -19,7 +19,7 @@ PAPER_ROLL = math.radians(60.0)
 
 
 def bending_energy(control: ArrayLike) -> Array:
-    """Integral of squared curvature over arc length [1/m] of each segment (*batch, 4, D): (*batch,).
+    """Integral of squared curvature over arc length [1/m]: (*batch,) of segments (*batch, 4, D).
 
     Adaptive quadrature to a relative error of about 1e-9; infinite at a cusp. A circle's arc of
     radius R through the angle a has a / R.
