@@ -185,7 +185,7 @@ def table(report: Mapping[str, Any]) -> Table:
         "90 %",
         "99 %",
         "turn [m]",
-        "first [s]",
+        "first [ms]",
         "total [s]",
         caption=_caption(report),
     )
@@ -198,7 +198,7 @@ def table(report: Mapping[str, Any]) -> Table:
             str(one["failures"].get(FALSE_SUCCESS, 0)),
             *(_cell(one[key], 2, 100.0) for key in _GAPS),
             _cell(one["min_turn_radius_median"], 2),
-            _cell(one["seconds_first_median"], 3),
+            _cell(one["seconds_first_median"], 1, 1e3),
             _cell(one["seconds_median"], 3),
         )
     return rows

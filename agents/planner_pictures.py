@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -22,11 +23,12 @@ from ferguson_gym import drawing
 from ferguson_gym.arrays import Array
 from ferguson_gym.files import written_whole
 from ferguson_gym.paths import Path
+from planners.shortest import gap
 
 LEAST_GAP = 1e-5
 """Gaps below are drawn as this one: logarithms have no zero."""
-_ALIKE = 0.5
-"""Paths that stay within this distance [m] are drawn as one line with stripes."""
+_ALIKE = 1.5
+"""Paths that stay within this distance [m], two lines' width, are drawn as one with stripes."""
 _DASH = 6.0
 """Length of a stripe [pt]."""
 _COLOURS = (
@@ -43,7 +45,7 @@ _COLOURS = (
     "#f4b000",
     "#444444",
 )
-_MARKERS = "osD^vP<X>p*h"
+_MARKERS = "osD^vP<X>pd8"
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,7 @@ class _Look:
             "ms": self.size,
             "mec": "white",
             "mew": 0.7,
+            "zorder": 5,  # above all lines
         }
 
 
@@ -72,7 +75,7 @@ def draw(runs: Sequence[Run], directory: FilePath) -> None:
     names = list(dict.fromkeys(run.planner for run in runs))
     looks = {
         name: _Look(
-            _COLOURS[k % len(_COLOURS)], _MARKERS[k % len(_MARKERS)], 9.0 - 4.0 * k / len(names)
+            _COLOURS[k % len(_COLOURS)], _MARKERS[k % len(_MARKERS)], 8.5 - 2.5 * k / len(names)
         )
         for k, name in enumerate(names)
     }
@@ -121,6 +124,8 @@ def draw_paths(runs: Sequence[Run], looks: Mapping[str, _Look], path: FilePath) 
         figure.legend(
             handles=[_handle(run, looks[run.planner].colour) for run in runs],
             labels=[_entry(run) for run in runs],
+            title="stripes: planners on the same way; dotted: failed",
+            title_fontsize=7.5,
             loc="outside lower center",
             ncols=3,
             frameon=False,
@@ -136,8 +141,8 @@ def _handle(run: Run, colour: str) -> Line2D:
 def _entry(run: Run) -> str:
     if run.length is None:
         return f"{run.planner}: {run.status.replace('_', ' ')}"
-    gap = "" if run.gap is None else f" (+{100 * max(run.gap, 0.0):.2f} %)"
-    return f"{run.planner}: {run.length:.2f} m{gap}"
+    told = "" if run.gap is None else f" (+{100 * max(run.gap, 0.0):.2f} %)"
+    return f"{run.planner}: {run.length:.2f} m{told}"
 
 
 def _alike(curves: Mapping[str, Array]) -> list[list[str]]:
@@ -208,15 +213,15 @@ def draw_progress(runs: Sequence[Run], looks: Mapping[str, _Look], path: FilePat
                 gaps = np.maximum(gaps, LEAST_GAP)
                 axes.step(times, gaps, where="post", color=look.colour)
             end = quantile([run.seconds for run in mine], 0.5)
-            gap = quantile([np.inf if run.gap is None else run.gap for run in mine], 0.5)
+            reached = quantile([np.inf if run.gap is None else run.gap for run in mine], 0.5)
             label = name
-            if end is None or gap is None or np.isinf(gap):
+            if end is None or reached is None or np.isinf(reached):
                 label += " (mostly fails)"
             else:
-                gap = max(gap, LEAST_GAP)
+                reached = max(reached, LEAST_GAP)
                 if len(times):
-                    axes.plot([times[-1], end], [gaps[-1], gap], ":", color=look.colour, lw=1.0)
-                axes.plot(end, gap, **look.spot)
+                    axes.plot([times[-1], end], [gaps[-1], reached], ":", color=look.colour, lw=1.0)
+                axes.plot(end, reached, **look.spot)
             line = "-" if len(times) else ""
             shown.append(Line2D([], [], ls=line, label=label, **look.spot))
         axes.set(xscale="log", yscale="log", xlabel="time [s]", ylabel="gap, median of all runs")
@@ -234,14 +239,15 @@ _PER_CENT = FuncFormatter(
 def median_progress(runs: Sequence[Run]) -> tuple[Array, Array]:
     """Times (n,) [s] and the median over runs (n,) of the best route's gap by then.
 
-    From when half of them have a route until the last planning was over; all runs have an exact
+    From when half of them have a route until half of the plans were over; all runs have an exact
     length.
     """
     progress = [() if run.route is None else run.route.progress for run in runs]
     moments = [when for steps in progress for when, _ in steps]
-    times = np.unique([*moments, *(run.seconds for run in runs)])
+    over = quantile([run.seconds for run in runs], 0.5) or 0.0
+    times = np.unique([*(when for when in moments if when < over), over])
     best = [
-        best_so_far(steps, times) / (run.exact_length or np.nan) - 1.0
+        [gap(length, run.exact_length or math.nan) for length in best_so_far(steps, times)]
         for steps, run in zip(progress, runs, strict=True)
     ]
     median = np.quantile(best, 0.5, axis=0, method="inverted_cdf")

@@ -135,12 +135,17 @@ def with_seconds(planner: Planner, seconds: float | None) -> Planner:
 
 
 @cache
-def _warm_up(name: str) -> None:
-    """Plan something small: what a planner loads or compiles is not what is compared; once."""
+def _planner(name: str, seconds: float | None) -> Planner:
+    """A planner that has planned something small, one for all runs in a process.
+
+    What it loads, compiles or starts at first, a process of its own perhaps, is not compared.
+    """
+    planner = with_seconds(make(name), seconds)
     discs = Discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
     field = Field(name="two discs", obstacles=discs, goal=np.array([40.0, 40.0]))
     with suppress(CrashedError):
-        with_seconds(make(name), _WARM_UP).plan(field, depart(field), 0)
+        with_seconds(planner, _WARM_UP).plan(field, depart(field), 0)
+    return planner
 
 
 def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
@@ -158,10 +163,9 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     Raises:
         ValueError: an unknown planner.
     """
-    planner = with_seconds(make(name), seconds)
     plan: Plan | None = None
     try:
-        _warm_up(name)
+        planner = _planner(name, seconds)
         began = time.perf_counter()
         with suppress(CrashedError):
             plan = planner.plan(field, depart(field), seed)
