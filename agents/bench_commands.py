@@ -5,9 +5,20 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.arguments import DONE, Job, check_directory, duration, positive, seed
+from agents.arguments import (
+    DONE,
+    Job,
+    check_directory,
+    duration,
+    positive,
+    refuse_twice,
+    seed,
+    seeds,
+)
 from ferguson_gym.catalog import select
+from ferguson_gym.flight import depart
 from ferguson_gym.observations import KINDS
+from planners.catalog import PLANNERS, make
 
 _FIELDS = "standard/validation:0-99"
 
@@ -17,39 +28,84 @@ def add_to(bench: argparse.ArgumentParser) -> None:
     subjects = bench.add_subparsers(dest="subject", required=True, metavar="SUBJECT")
     planners = subjects.add_parser(
         "planners",
-        help="compare solvers",
+        help="compare planners",
         description=(
-            "Compare solvers on the same windows from the same starts; print the table and write "
+            "Plan the same fields with every planner, from the start and certified; print the "
+            "table and write planners.csv, planners.log (for OMPL's Planner Arena), summary.json "
+            "and pictures."
+        ),
+        epilog=(
+            "example: ferguson bench planners --planner shortest --planner multi-start "
+            "--fields sparse/validation:0-9 --out results/planners"
+        ),
+    )
+    planners.add_argument(
+        "--fields",
+        action="append",
+        required=True,
+        metavar="SPEC",
+        help="for example standard/validation:0-9; may be given several times",
+    )
+    planners.add_argument(
+        "--planner",
+        action="append",
+        metavar="NAME",
+        help=(
+            f"one of {', '.join(PLANNERS)}; may be given several times; default: all that are "
+            "installed"
+        ),
+    )
+    planners.add_argument(
+        "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="of planners; default: 0"
+    )
+    planners.add_argument(
+        "--seconds",
+        type=duration,
+        metavar="S",
+        help="what planners search that could go on; default: their own budgets",
+    )
+    planners.add_argument(
+        "--workers",
+        type=positive,
+        default=1,
+        metavar="N",
+        help="worker processes; times compare only with one, the default",
+    )
+    planners.add_argument(
+        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
+    )
+    planners.set_defaults(prepare=_prepare_planners)
+
+    solvers = subjects.add_parser(
+        "solvers",
+        help="compare solvers of windows",
+        description=(
+            "Compare solvers on the same windows from the same starts: ours, SciPy's SLSQP, and "
+            "IPOPT through CasADi (pip install 'ferguson-gym[bench]'). Print the table and write "
             "steps.csv and solvers.png."
         ),
-        epilog="example: ferguson bench planners --solvers --windows 200 --out results/solvers",
+        epilog="example: ferguson bench solvers --windows 200 --out results/solvers",
     )
-    planners.add_argument(
-        "--solvers",
-        action="store_true",
-        required=True,
-        help="ours, SciPy's SLSQP, and IPOPT through CasADi (pip install 'ferguson-gym[bench]')",
-    )
-    planners.add_argument(
+    solvers.add_argument(
         "--fields",
         action="append",
         metavar="SPEC",
         help=f"whose windows are taken, in order; may be given several times; default: {_FIELDS}",
     )
-    planners.add_argument(
+    solvers.add_argument(
         "--windows", type=positive, default=200, metavar="N", help="default: %(default)s"
     )
-    planners.add_argument(
+    solvers.add_argument(
         "--ipopt-every",
         type=seed,
         default=10,
         metavar="N",
         help="IPOPT solves one window in N, it is slow; 0: none; default: %(default)s",
     )
-    planners.add_argument(
+    solvers.add_argument(
         "--out", type=Path, required=True, metavar="DIR", help="where results are written"
     )
-    planners.set_defaults(prepare=_prepare_planners)
+    solvers.set_defaults(prepare=_prepare_solvers)
 
     env = subjects.add_parser(
         "env",
@@ -89,6 +145,43 @@ def add_to(bench: argparse.ArgumentParser) -> None:
 
 
 def _prepare_planners(options: argparse.Namespace) -> Job:
+    from agents import planner_bench
+
+    check_directory(options.out)
+    fields = [field for spec in options.fields for field in select(spec)]
+    for field in fields:
+        depart(field)
+    refuse_twice("field", [field.name for field in fields])
+    refuse_twice("planner", options.planner or [])
+    missing = {name: hint for name in options.planner or PLANNERS if (hint := _missing(name))}
+    if options.planner and missing:
+        raise ValueError("; ".join(missing.values()))
+    request = planner_bench.Request(
+        planners=[name for name in options.planner or PLANNERS if name not in missing],
+        left_out=missing,
+        fields=fields,
+        seeds=options.seeds,
+        seconds=options.seconds,
+        workers=options.workers,
+    )
+
+    def job() -> int:
+        planner_bench.bench(request, options.out)
+        return DONE
+
+    return job
+
+
+def _missing(planner: str) -> str:
+    """Why a planner cannot be made here, and what would help; empty if it can."""
+    try:
+        make(planner)
+    except ValueError as error:
+        return str(error)
+    return ""
+
+
+def _prepare_solvers(options: argparse.Namespace) -> Job:
     import importlib.util
 
     from agents import solver_bench

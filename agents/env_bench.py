@@ -7,23 +7,20 @@ Ratios are taken within rounds.
 from __future__ import annotations
 
 import csv
-import importlib.metadata
 import json
 import math
-import platform
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numba
 import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 from rich.table import Table
 
-from agents import fresh_start, tables
+from agents import fresh_start, machine, tables
 from agents.env_drivers import DEVIATION, Entry, Slice
 from ferguson_gym.arrays import Array
 from ferguson_gym.files import written_whole
@@ -146,12 +143,7 @@ def summary(
         "not_installed": [row._asdict() for row in missing],
         "ratios": compared,
         "fresh_process": dict(fresh),
-        "processor": platform.processor() or platform.machine(),
-        "threads": numba.get_num_threads(),
-        "versions": {
-            "python": platform.python_version(),
-            **{name: importlib.metadata.version(name) for name in ("numpy", "numba", "gymnasium")},
-        },
+        **machine.facts("numpy", "numba", "gymnasium"),
     }
 
 

@@ -18,7 +18,7 @@ from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
 from planners.catalog import multi_start, shortest
 from planners.interface import Decision, depart
-from planners.shortest import exact_length
+from planners.shortest import exact_length, gap
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -62,7 +62,7 @@ class Flight:
     def gap(self) -> float | None:
         """Length / exact length - 1; None unless the flight succeeded."""
         exact = self.exact_length
-        return None if exact is None or not self.success else self.length / exact - 1.0
+        return None if exact is None or not self.success else gap(self.length, exact)
 
     @property
     def min_turn_radius(self) -> float:

@@ -68,8 +68,8 @@ def timing_row(flight: Flight) -> list[object]:
 
 def write(directory: Path, flights: Sequence[Flight]) -> None:
     """Write the three files into a directory that exists; each is written whole."""
-    _write_csv(directory / "flights.csv", FLIGHT_COLUMNS, map(flight_row, flights))
-    _write_csv(directory / "timings.csv", TIMING_COLUMNS, map(timing_row, flights))
+    write_csv(directory / "flights.csv", FLIGHT_COLUMNS, map(flight_row, flights))
+    write_csv(directory / "timings.csv", TIMING_COLUMNS, map(timing_row, flights))
     with written_whole(directory / "paths.npz") as temporary:
         np.savez_compressed(
             temporary,
@@ -81,7 +81,8 @@ def write(directory: Path, flights: Sequence[Flight]) -> None:
         )
 
 
-def _write_csv(path: Path, columns: Sequence[str], rows: Iterable[list[object]]) -> None:
+def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
+    """Write a table whole or not at all."""
     with (
         written_whole(path) as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,

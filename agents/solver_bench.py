@@ -1,4 +1,4 @@
-"""`ferguson bench planners --solvers`: solvers on the same windows from the same starts.
+"""`ferguson bench solvers`: solvers on the same windows from the same starts.
 
 Windows are taken from flights of multi-start. Each solver first solves a window's first start
 once, unmeasured: what it prepares for a size of problem is not what is compared.

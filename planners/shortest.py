@@ -43,6 +43,11 @@ def exact_length(field: Field) -> float | None:
     return _exact_length(*(array.tobytes() for array in arrays))
 
 
+def gap(length: float, exact: float) -> float:
+    """By which part a length exceeds that of the shortest path."""
+    return length / exact - 1.0
+
+
 @lru_cache(maxsize=4096)
 def _exact_length(
     centers: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes

@@ -1,4 +1,4 @@
-"""`ferguson bench planners --solvers`: what it writes, prints and refuses."""
+"""`ferguson bench solvers`: what it writes, prints and refuses."""
 
 import csv
 from pathlib import Path
@@ -20,7 +20,7 @@ from planners.solvers import Slsqp
 from planners.starts import straight
 from planners.window import WindowSettings, final_window
 
-BENCH = ["bench", "planners", "--solvers", "--ipopt-every", "0", "--fields", "sparse/train:0-1"]
+BENCH = ["bench", "solvers", "--ipopt-every", "0", "--fields", "sparse/train:0-1"]
 
 
 def test_every_solver_has_a_row_for_every_window(
@@ -51,7 +51,6 @@ def test_every_solver_has_a_row_for_every_window(
         ([*BENCH[:-1], "sparse/train:3-1"], "empty range"),
         ([*BENCH, "--windows", "0"], "from 1 on"),
         ([*BENCH, "--ipopt-every", "-1"], "--ipopt-every"),
-        (["bench", "planners"], "required: --solvers"),
         (["bench"], "required: SUBJECT"),
         (["bench", "kites"], "invalid choice: 'kites'"),
     ],
@@ -60,7 +59,7 @@ def test_bad_arguments_are_one_line_and_status_two(
     arguments: list[str], message: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     target = tmp_path / "results"
-    if arguments[:2] == ["bench", "planners"]:
+    if arguments[:2] == ["bench", "solvers"]:
         arguments = [*arguments, "--out", str(target)]
     assert main(arguments) == 2
     out, err = capsys.readouterr()
