@@ -10,7 +10,8 @@ from ferguson_gym.compilation import compiled
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from planners.distance import seen
-from planners.tangents import Scene, View, is_clear, scene
+from planners.straight_line import keeps_clear
+from planners.tangents import Scene, scene
 
 
 def scene_from(
@@ -55,15 +56,11 @@ def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.
 @compiled
 def _are_clear(scene: Scene, starts: Array, ends: Array) -> NDArray[np.bool_]:
     discs, box = scene.discs, scene.box
-    every = View(np.arange(len(discs)), np.full(len(discs), -np.inf))
     clear = np.zeros(len(starts), dtype=np.bool_)
     for k in range(len(starts)):
         x, y = starts[k]
         end_x, end_y = ends[k]
         inside = box[0, 0] <= min(x, end_x) and max(x, end_x) <= box[1, 0]
         inside = inside and box[0, 1] <= min(y, end_y) and max(y, end_y) <= box[1, 1]
-        dx, dy = end_x - x, end_y - y
-        length = np.sqrt(dx * dx + dy * dy)
-        ux, uy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
-        clear[k] = inside and is_clear(x, y, ux, uy, length, np.inf, discs, every, -1, -1)
+        clear[k] = inside and keeps_clear(x, y, end_x, end_y, discs)
     return clear
