@@ -33,7 +33,7 @@ clean:
 	touch $@
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
-	$(PIP) --editable '.[dev,agents]'
+	$(PIP) --editable '.[dev,agents,peers]'
 	touch $@ .venv/installed-base
 
 .venv/bin/python:

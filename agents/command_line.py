@@ -133,15 +133,17 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare_plan(options: argparse.Namespace) -> Job:
     from agents import planning
     from agents.pictures import check_target
+    from agents.warm_up import warm
     from planners.catalog import make
 
-    planner = make(options.planner)
+    make(options.planner)  # refuses unknown names
     field = one(options.field)
     depart(field)  # refuses what cannot be flown
     if options.plot is not None:
         check_target(options.plot)
 
     def job() -> int:
+        planner = warm(options.planner)
         report = planning.plan(planner, options.planner, field, options.seed)
         if options.json:
             print(report.to_json())

@@ -5,19 +5,15 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from functools import cache
-
-import numpy as np
 
 from agents.policies import Policy, make_policy
+from agents.warm_up import compile_kernels, warm
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
-from planners.catalog import multi_start, shortest
-from planners.interface import Decision, depart
+from planners.interface import Decision
 from planners.shortest import exact_length, gap
 
 
@@ -75,24 +71,6 @@ class Flight:
         return sum(decision.report.evaluations for decision in self.decisions)
 
 
-@cache
-def compile_kernels() -> None:
-    """Compile, or load from the cache, what a flight's clock should not count; once."""
-    # the goal lies beyond the first window, so that one of each kind is planned
-    field = Field(
-        name="one disc",
-        obstacles=Discs(np.array([[25.0, 0.5]]), np.ones(1)),
-        goal=np.array([50.0, 0.0]),
-    )
-    for planner in (multi_start(), shortest()):
-        planner.plan(field, depart(field), 0)
-    env = ObstacleField(fields=1)
-    env.reset(seed=0, options={"field": field})
-    env.step(np.zeros(4, np.float32))
-    exact_length(field)
-    field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
-
-
 def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
     """Fly a policy through a field in the environment: a function of (policy, field, seed)."""
     compile_kernels()
@@ -131,4 +109,6 @@ def fly_by_name(name: str, field: Field, seed: int) -> Flight:
     Raises:
         ValueError: an unknown policy.
     """
-    return fly(make_policy(name), name, field, seed)
+    policy = make_policy(name)
+    warm(name)
+    return fly(policy, name, field, seed)

@@ -2,38 +2,30 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 import numpy as np
 from joblib import Parallel, delayed
 
+from agents.warm_up import warm
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import inspect, is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
 from ferguson_gym.paths import Path
 from ferguson_gym.turning import bending_energy, fastest_turn
-from planners.budget import Seconds
-from planners.catalog import make
-from planners.interface import Plan, Planner, Status, depart
-from planners.routes import CrashedError, Route, Router
+from planners.interface import Plan, Status, depart
+from planners.routes import CrashedError, Route
 from planners.shortest import exact_length, gap
-from planners.whole_path import WholePath
 
 FALSE_SUCCESS = "false_success"
 """Status of a plan that was reported as solved and does not bear the benchmark's own test."""
 _ROUNDING = 1e-6
 """By which part a path may seem shorter than the shortest."""
-_WARM_UP = 0.2
-"""Seconds that a planner with a budget searches before its clock counts."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -123,31 +115,6 @@ def certified(control: Array, field: Field) -> bool:
     )
 
 
-def with_seconds(planner: Planner, seconds: float | None) -> Planner:
-    """A planner whose router's budget is so many seconds; others, and for None, as they are."""
-    if seconds is None or not isinstance(planner, WholePath):
-        return planner
-    router: Any = planner.router
-    if not hasattr(router, "budget"):
-        return planner
-    bounded: Router = dataclasses.replace(router, budget=Seconds(seconds))
-    return dataclasses.replace(planner, router=bounded)
-
-
-@cache
-def _planner(name: str, seconds: float | None) -> Planner:
-    """A planner that has planned something small, one for all runs in a process.
-
-    What it loads, compiles or starts at first, a process of its own perhaps, is not compared.
-    """
-    planner = with_seconds(make(name), seconds)
-    discs = Discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
-    field = Field(name="two discs", obstacles=discs, goal=np.array([40.0, 40.0]))
-    with suppress(CrashedError):
-        with_seconds(planner, _WARM_UP).plan(field, depart(field), 0)
-    return planner
-
-
 def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     """Plan one field from its start: what a worker process is handed.
 
@@ -165,7 +132,7 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     """
     plan: Plan | None = None
     try:
-        planner = _planner(name, seconds)
+        planner = warm(name, seconds)
         began = time.perf_counter()
         with suppress(CrashedError):
             plan = planner.plan(field, depart(field), seed)

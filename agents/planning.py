@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from agents import tables
-from agents.flights import Flight, compile_kernels
+from agents.flights import Flight
 from agents.pictures import draw_flights
 from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
@@ -121,7 +121,6 @@ def _finite(value: float) -> float | None:
 
 def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:
     """Plan a field from its start."""
-    compile_kernels()
     began = time.perf_counter()
     result = planner.plan(field, depart(field), seed)
     seconds = time.perf_counter() - began

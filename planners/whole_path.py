@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
+from planners.budget import Seconds
 from planners.fit import fit
-from planners.interface import Decision, Plan, State, Status, WindowReport
+from planners.interface import Decision, Plan, Planner, State, Status, WindowReport
 from planners.rollout import arriving, fly, rest
 from planners.routes import CrashedError, Route, Router
 
@@ -48,3 +51,14 @@ class WholePath:
             seconds=time.perf_counter() - began,
         )
         return Plan(status, control, states, [Decision(chain, report)], route)
+
+
+def with_seconds(planner: Planner, seconds: float | None) -> Planner:
+    """A planner whose router's budget is so many seconds; others, and for None, as they are."""
+    if seconds is None or not isinstance(planner, WholePath):
+        return planner
+    router: Any = planner.router
+    if not hasattr(router, "budget"):
+        return planner
+    bounded: Router = dataclasses.replace(router, budget=Seconds(seconds))
+    return dataclasses.replace(planner, router=bounded)

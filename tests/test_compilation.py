@@ -84,9 +84,12 @@ def test_machine_code_is_cached_under_the_digest() -> None:
 FLIGHTS = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from agents.flights import compile_kernels, fly_by_name
+from agents.flights import fly
+from agents.policies import expert
+from agents.warm_up import compile_kernels, warm
 from ferguson_gym.catalog import one
 from planners.catalog import PLANNERS
+from tests.quick_planners import quick
 
 def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
@@ -94,10 +97,12 @@ def kernels():
 
 fields = [one(name) for name in ("sparse/train:0", "traps/train:0", "paper:1")]
 compile_kernels()
+for planner in PLANNERS:
+    warm(planner)
 before = kernels()
 for planner in PLANNERS:
     for field in fields:
-        fly_by_name(planner, field, 0)
+        fly(expert(quick(planner)), planner, field, 0)
 print(sorted(kernels() - before))
 """
 

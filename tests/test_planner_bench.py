@@ -4,6 +4,7 @@ import csv
 import json
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from agents.command_line import main
 from agents.planner_bench import COLUMNS, statistics
 from agents.planner_pictures import LEAST_GAP, draw, median_progress
-from agents.planner_runs import FALSE_SUCCESS, Run, certified, measure, run, runs, with_seconds
+from agents.planner_runs import FALSE_SUCCESS, Run, certified, measure, run, runs
 from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
@@ -21,6 +22,7 @@ from planners.catalog import PLANNERS, make
 from planners.interface import depart
 from planners.routes import Route
 from planners.shortest import exact_length
+from planners.whole_path import with_seconds
 from tests.stub_planners import STUBS, Faulty
 
 BENCH = ["bench", "planners", "--fields", "sparse/train:0-1"]
@@ -38,9 +40,9 @@ def _with_stubs(monkeypatch: pytest.MonkeyPatch) -> None:
 def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Where one comparison of all was written; what it printed lies beside."""
     out = tmp_path_factory.mktemp("bench") / "deep" / "results"
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as monkeypatch:
         for name, stub in STUBS.items():
-            patch.setitem(PLANNERS, name, stub)
+            monkeypatch.setitem(PLANNERS, name, stub)
         chosen = [word for name in NAMES for word in ("--planner", name)]
         assert main([*BENCH, *chosen, "--out", str(out)]) == 0
     return out
@@ -136,15 +138,17 @@ def test_the_table_says_how_failures_count(
 
 
 def test_planners_that_are_not_installed_are_left_out_or_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     def absent() -> None:
         raise ValueError("far needs far-lib: pip install 'ferguson-gym[peers]'")
 
-    for name in [*PLANNERS]:
-        monkeypatch.delitem(PLANNERS, name)
-    monkeypatch.setitem(PLANNERS, "without", STUBS["without"])
-    monkeypatch.setitem(PLANNERS, "far", absent)
+    few = {"without": STUBS["without"], "far": absent}
+    with patch.dict(PLANNERS, few, clear=True):  # which, restored, has the order that it had
+        leaves_out_or_refuses(tmp_path, capsys)
+
+
+def leaves_out_or_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*BENCH, "--out", str(tmp_path / "all")]) == 0
     printed = capsys.readouterr().out
     assert "left out far: far needs far-lib: pip install 'ferguson-gym[peers]'\n" in printed

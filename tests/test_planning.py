@@ -1,6 +1,7 @@
 """The paper's planner: what it reports is feasible, and replanning continues a plan."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
 from planners.starts import random_chains, shifted, straight
 from planners.window import WindowSettings, final_window, horizon_window
+from tests.quick_planners import quick
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 
@@ -43,54 +45,45 @@ def assert_may_be_flown(plan: Plan, field: Field) -> None:
     assert is_feasible(control, field).all()
 
 
-@pytest.fixture(scope="module")
-def sparse_plans() -> dict[tuple[str, str], Plan]:
-    names = ("sparse/train:0", "sparse/train:1", "traps/train:0")
-    fields = {name: one(name) for name in names}
-    return {
-        (planner, name): make(planner).plan(field, depart(field), 3)
-        for planner in PLANNERS
-        for name, field in fields.items()
-        if planner != "multi-start" or name.startswith("sparse")
-    }
+NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
 
 
-def test_every_success_is_feasible_and_ends_on_the_goal(
-    sparse_plans: dict[tuple[str, str], Plan],
-) -> None:
-    assert any(plan.success for plan in sparse_plans.values())
-    for (_, name), plan in sparse_plans.items():
-        if plan.success:
-            assert_may_be_flown(plan, one(name))
-        else:
-            assert plan.path is None
+@cache
+def planned(planner: str, name: str) -> Plan:
+    field = one(name)
+    return quick(planner).plan(field, depart(field), 3)
 
 
-def test_multi_start_reaches_the_goal_of_sparse_fields(
-    sparse_plans: dict[tuple[str, str], Plan],
-) -> None:
-    for name in ("sparse/train:0", "sparse/train:1"):
-        plan = sparse_plans["multi-start", name]
-        assert plan.success
-        assert 10 <= len(plan.control) <= 12
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_every_success_is_feasible_and_ends_on_the_goal(planner: str, name: str) -> None:
+    plan = planned(planner, name)
+    # single-start alone is known to be caught, and by the trap only
+    assert plan.success or (planner, name) == ("single-start", "traps/train:0")
+    if plan.success:
+        assert_may_be_flown(plan, one(name))
         assert plan.path is not None
-        assert plan.path.length < 1.1 * one(name).distance
+
+
+@pytest.mark.parametrize("name", NAMES[:2])
+def test_multi_start_reaches_the_goal_of_sparse_fields(name: str) -> None:
+    plan = planned("multi-start", name)
+    assert 10 <= len(plan.control) <= 12
+    assert plan.path is not None
+    assert plan.path.length < 1.1 * one(name).distance
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
-def test_replanning_in_the_middle_gives_the_rest_of_the_plan(
-    planner: str, sparse_plans: dict[tuple[str, str], Plan]
-) -> None:
-    name = "sparse/train:1"
-    plan = sparse_plans[planner, name]
+def test_replanning_in_the_middle_gives_the_rest_of_the_plan(planner: str) -> None:
+    plan = planned(planner, "sparse/train:0")
     middle = len(plan.control) - 4
-    again = make(planner).plan(one(name), plan.states[middle], 3)
+    again = quick(planner).plan(one("sparse/train:0"), plan.states[middle], 3)
     assert again.status is plan.status
     np.testing.assert_array_equal(again.control, plan.control[middle:])
 
 
-def test_every_window_is_reported(sparse_plans: dict[tuple[str, str], Plan]) -> None:
-    plan = sparse_plans["multi-start", "sparse/train:0"]
+def test_every_window_is_reported() -> None:
+    plan = planned("multi-start", "sparse/train:0")
     assert [decision.report.step for decision in plan.decisions] == list(range(len(plan.control)))
     first, last = plan.decisions[0].report, plan.decisions[-1].report
     assert first.start == "straight" or first.start.startswith("random")
@@ -118,7 +111,7 @@ def test_an_open_field_is_flown_straight() -> None:
 def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
     position = OPEN.goal - distance / np.sqrt(2.0)
     vehicle = flight.State(position, np.array([4.0, 4.0]), 5)
-    plan = make(planner).plan(OPEN, State(vehicle), 0)
+    plan = quick(planner).plan(OPEN, State(vehicle), 0)
     assert plan.success
     assert plan.path is not None
     assert plan.path.length <= max(distance, 3.0) * 1.2
@@ -147,7 +140,7 @@ def test_a_walled_in_start_is_stuck() -> None:
 )
 def test_a_start_that_points_astray_is_planned_or_stuck(planner: str, options: dict) -> None:
     field = Field(name="astray", obstacles=Discs([[6.0, 6.0]], [5.0]), **options)
-    plan = make(planner).plan(field, depart(field), 0)
+    plan = quick(planner).plan(field, depart(field), 0)
     assert is_feasible(plan.control, field).all()
     assert plan.success == (plan.path is not None)
 
@@ -352,8 +345,6 @@ def test_an_unknown_planner_is_refused_by_name() -> None:
         make("nobody")
 
 
-def test_clearance_of_a_plan_is_contact_or_more(
-    sparse_plans: dict[tuple[str, str], Plan],
-) -> None:
-    plan = sparse_plans["multi-start", "sparse/train:0"]
+def test_clearance_of_a_plan_is_contact_or_more() -> None:
+    plan = planned("multi-start", "sparse/train:0")
     assert inspect(plan.control, one("sparse/train:0")).clearance.min() >= -1e-5

@@ -11,6 +11,7 @@ from ferguson_gym.obstacles import Discs
 from planners.catalog import PLANNERS, make
 from planners.interface import Plan, Status, depart
 from planners.receding_horizon import RecedingHorizon
+from tests.quick_planners import quick
 
 
 def assert_same(flight: Flight, plan: Plan) -> None:
@@ -40,9 +41,9 @@ def test_flying_into_a_dead_end_is_its_plan() -> None:
 def test_flying_any_planner_is_its_plan_replanned_or_tracked(planner: str) -> None:
     seed = 1
     field = one("sparse/train:3")
-    plan = make(planner).plan(field, depart(field), seed)
-    assert_same(fly(expert(make(planner)), planner, field, seed), plan)
-    tracked = fly(Tracking(make(planner)), planner, field, seed)
+    plan = quick(planner).plan(field, depart(field), seed)
+    assert_same(fly(expert(quick(planner)), planner, field, seed), plan)
+    tracked = fly(Tracking(quick(planner)), planner, field, seed)
     np.testing.assert_allclose(tracked.control, plan.control, rtol=0, atol=1e-9)
     if plan.success:
         assert tracked.success
