@@ -12,6 +12,7 @@ Reference:
 
 from __future__ import annotations
 
+import dataclasses
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -35,6 +36,8 @@ from planners.swarm_objective import (
     chain_objective,
 )
 
+BUDGET = Evaluations(150_000)
+"""About a second."""
 TOLERANCE = 1e-6
 """Depth [m] that certification passes."""
 POINTS = 50
@@ -85,10 +88,10 @@ class Swarms:
     """Routes by one swarm after the other."""
 
     method: Method
-    encoding: Encoding = Encoding()
-    penalties: Penalties = Penalties()
-    budget: Evaluations | Seconds = Evaluations(150_000)
-    share: int = 37_500
+    encoding: Encoding = dataclasses.field(default_factory=Encoding)
+    penalties: Penalties = dataclasses.field(default_factory=Penalties)
+    budget: Evaluations | Seconds = BUDGET
+    share: int = 25_000
     """Evaluations of each swarm."""
     generations: int = 50
     """Between looks at the clock and at the best chain."""
@@ -177,10 +180,15 @@ def _is_clear(chain: Array, field: Field) -> bool:
 
 
 def particles() -> Swarms:
-    """Particle swarms, each unknown a knot's own."""
-    return Swarms(method=Particles())
+    """Particle swarms with the parameters that did best in standard/train:0-19 and 100-119."""
+    return Swarms(method=Particles(), encoding=Encoding(spacing=13.0))
 
 
 def bees() -> Swarms:
-    """Bee colonies; since bees change one unknown at a time, some bend the whole chain."""
-    return Swarms(method=Bees(), encoding=Encoding(shapes=by_halves), share=25_000)
+    """Bee colonies with the parameters that did best in the same fields.
+
+    Bees change one unknown at a time, so that some unknowns must bend the whole chain.
+    """
+    return Swarms(
+        method=Bees(), encoding=Encoding(shapes=by_halves), penalties=Penalties(inside=10.0)
+    )

@@ -40,8 +40,9 @@ def one_by_one(segments: int) -> Array:
 
 
 def by_halves(segments: int) -> Array:
-    """Shapes (n - 1, n - 1), by column: the first unknown bends the whole chain, as a tent over
-    its middle knot, and so on with either half, where reach shrinks by 1.6 each time.
+    """Shapes (n - 1, n - 1) as tents over middle knots, of the whole chain, its halves and so on.
+
+    A half reaches 1.6 times less far than its whole.
     """
     knots = np.arange(1, segments)
     shapes: list[Array] = []
@@ -64,12 +65,12 @@ class Encoding:
     shapes: Callable[[int], Array] = one_by_one
     """Of the offsets across the way."""
     spacing: float = 10.0
-    """Straight distance that a segment covers [m], about."""
+    """Straight distance that a segment covers [m], or nearly."""
     across: float = 1.0 / 3.0
     """Greatest offset across the way, in widths of the field."""
     along: float = 0.5
     """Greatest offset along the way, in straight distances of a segment."""
-    tangent: float = 0.5
+    tangent: float = 0.25
     """Greatest offset of a derivative's coordinates, in the same."""
 
     def arrays(self, field: Field, vehicle: flight.State) -> tuple[Array, Array]:
@@ -174,7 +175,7 @@ class ChainObjective:
     @property
     def unknowns(self) -> int:
         """How many numbers are free."""
-        return self.reach.shape[1]
+        return int(self.reach.shape[1])
 
     def control(self, x: Array) -> Array:
         """The chain (n, 4, 2) of unknowns (m,)."""
