@@ -74,7 +74,8 @@ class Bees:
 
     size: int = 20
     limit: int = 200
-    """Trials after which a source that did not improve is given up."""
+    """Trials after which a source that did not improve is given up. pygmo counts them anew
+    with each call; in training fields neither that nor a limit of 60 made a difference."""
 
     def algorithm(self, generations: int, seed: int) -> Any:
         """The algorithm."""

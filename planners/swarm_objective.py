@@ -15,6 +15,7 @@ Reference:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -32,6 +33,11 @@ from ferguson_gym.splines import basis
 
 CELLS = 32
 """Along each side of the grid that tells which discs are near a point."""
+
+FEWEST = 4
+"""Segments of a chain, as long as they cover `SHORT` each."""
+SHORT = 4.0
+"""Straight distance [m] that a segment should not fall below."""
 
 
 def one_by_one(segments: int) -> Array:
@@ -64,8 +70,8 @@ class Encoding:
 
     shapes: Callable[[int], Array] = one_by_one
     """Of the offsets across the way."""
-    spacing: float = 10.0
-    """Straight distance that a segment covers [m], or nearly."""
+    spacing: float = 10.5
+    """Straight distance that a segment covers at most [m]."""
     across: float = 1.0 / 3.0
     """Greatest offset across the way, in widths of the field."""
     along: float = 0.5
@@ -73,16 +79,20 @@ class Encoding:
     tangent: float = 0.25
     """Greatest offset of a derivative's coordinates, in the same."""
 
+    def segments(self, distance: float) -> int:
+        """How many segments lead over a straight distance [m]; near the goal enough to bend."""
+        return max(1, min(FEWEST, int(distance / SHORT)), math.ceil(distance / self.spacing))
+
     def arrays(self, field: Field, vehicle: flight.State) -> tuple[Array, Array]:
         """Base (n + 1, 2, 2), rows point and derivative, and reach (n + 1, 2, 2, 4 n - 2) [m]."""
         way = field.goal - vehicle.position
-        n = max(1, round(float(np.linalg.norm(way)) / self.spacing))
+        n = self.segments(float(np.linalg.norm(way)))
         step = way / n
         aside = np.array([-step[1], step[0]])
         width = float((field.bounds[1] - field.bounds[0]).max()) * self.across
         base, reach = np.zeros((n + 1, 2, 2)), np.zeros((n + 1, 2, 2, 4 * n - 2))
         base[:, 0] = vehicle.position + np.arange(n + 1)[:, None] * step
-        normal = aside / max(float(np.linalg.norm(aside)), 1e-300)
+        normal = aside / np.linalg.norm(aside)
         for knot, row in enumerate(self.shapes(n), start=1):
             reach[knot, 0, :, : n - 1] = width * normal[:, None] * row
             reach[knot, 0, :, n - 2 + knot] = self.along * step
