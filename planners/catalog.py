@@ -12,6 +12,7 @@ from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
 from planners.receding_horizon import RecedingHorizon
 from planners.shortest import Exact
+from planners.swarm import bees, particles
 from planners.voronoi import VoronoiEdges
 from planners.whole_path import WholePath
 
@@ -66,6 +67,26 @@ def bit_star() -> WholePath:
     return WholePath(router=Ompl(algorithm="bit-star", budget=Iterations(40)))
 
 
+def pso() -> WholePath:
+    """Particle swarms that move the whole flight, fitted.
+
+    Raises:
+        ValueError: pygmo is not installed.
+    """
+    require("pso", "pygmo", "pygmo")
+    return WholePath(router=particles())
+
+
+def abc() -> WholePath:
+    """Artificial bee colonies that move the whole flight, fitted.
+
+    Raises:
+        ValueError: pygmo is not installed.
+    """
+    require("abc", "pygmo", "pygmo")
+    return WholePath(router=bees())
+
+
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
     "multi-start": multi_start,
@@ -76,6 +97,8 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "rrt-star": rrt_star,
     "prm": prm,
     "bit-star": bit_star,
+    "pso": pso,
+    "abc": abc,
 }
 """Makers of planners by name."""
 

@@ -1,0 +1,270 @@
+"""What swarms minimise: the length of a whole chain, and penalties for what it must not do.
+
+The unknowns move knots off the straight way to the goal. They enter the knots linearly,
+
+    knots = base + reach x    with x in [-1, 1],
+
+so that an encoding is two arrays. A chain of n segments has 4 n - 2 unknowns: n - 1 knots move
+across the way and along it, and n derivatives stray from those of Catmull and Rom. Where knots
+move across the way by halves, a few unknowns bend the whole chain and the others parts of it.
+
+Reference:
+    The paper, references [9]-[11]: Ferguson splines moved by particle swarms and bee colonies,
+    with penalties for obstacles, the whole flight in a single pass.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym import flight
+from ferguson_gym.arrays import Array
+from ferguson_gym.compilation import compiled
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.splines import basis
+
+CELLS = 32
+"""Along each side of the grid that tells which discs are near a point."""
+
+FEWEST = 4
+"""Segments of a chain, as long as they cover `SHORT` each."""
+SHORT = 4.0
+"""Straight distance [m] that a segment should not fall below."""
+
+
+def one_by_one(segments: int) -> Array:
+    """Shapes (n - 1, n - 1) of the offsets across the way: each unknown moves one knot."""
+    return np.eye(segments - 1)
+
+
+def by_halves(segments: int) -> Array:
+    """Shapes (n - 1, n - 1) as tents over middle knots, of the whole chain, its halves and so on.
+
+    A half reaches 1.6 times less far than its whole.
+    """
+    knots = np.arange(1, segments)
+    shapes: list[Array] = []
+    parts, reach = [(0, segments)], 1.0
+    while parts:
+        halves = []
+        for first, last in parts:
+            if last - first > 1:
+                middle = (first + last) // 2
+                shapes.append(reach * np.interp(knots, [first, middle, last], [0.0, 1.0, 0.0]))
+                halves += [(first, middle), (middle, last)]
+        parts, reach = halves, reach / 1.6
+    return np.array(shapes).reshape(segments - 1, segments - 1).T
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Encoding:
+    """Chains around the straight way to the goal; how far unknowns move them."""
+
+    shapes: Callable[[int], Array] = one_by_one
+    """Of the offsets across the way."""
+    spacing: float = 10.5
+    """Straight distance that a segment covers at most [m]."""
+    across: float = 1.0 / 3.0
+    """Greatest offset across the way, in widths of the field."""
+    along: float = 0.5
+    """Greatest offset along the way, in straight distances of a segment."""
+    tangent: float = 0.25
+    """Greatest offset of a derivative's coordinates, in the same."""
+
+    def segments(self, distance: float) -> int:
+        """How many segments lead over a straight distance [m]; near the goal enough to bend."""
+        return max(1, min(FEWEST, int(distance / SHORT)), math.ceil(distance / self.spacing))
+
+    def arrays(self, field: Field, vehicle: flight.State) -> tuple[Array, Array]:
+        """Base (n + 1, 2, 2), rows point and derivative, and reach (n + 1, 2, 2, 4 n - 2) [m]."""
+        way = field.goal - vehicle.position
+        n = self.segments(float(np.linalg.norm(way)))
+        step = way / n
+        aside = np.array([-step[1], step[0]])
+        width = float((field.bounds[1] - field.bounds[0]).max()) * self.across
+        base, reach = np.zeros((n + 1, 2, 2)), np.zeros((n + 1, 2, 2, 4 * n - 2))
+        base[:, 0] = vehicle.position + np.arange(n + 1)[:, None] * step
+        normal = aside / np.linalg.norm(aside)
+        for knot, row in enumerate(self.shapes(n), start=1):
+            reach[knot, 0, :, : n - 1] = width * normal[:, None] * row
+            reach[knot, 0, :, n - 2 + knot] = self.along * step
+        for knots in (base, reach):
+            knots[1:-1, 1] = 0.5 * (knots[2:, 0] - knots[:-2, 0])
+            knots[-1, 1] = knots[-1, 0] - knots[-2, 0]
+        for knot in range(1, n + 1):
+            free = 2 * n - 2 + 2 * (knot - 1)
+            reach[knot, 1, :, free] = self.tangent * step
+            reach[knot, 1, :, free + 1] = self.tangent * aside
+        base[0, 1] = vehicle.derivative
+        return base, reach
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Penalties:
+    """What is added to the length of a chain [m]."""
+
+    depth: float = 30.0
+    """For each metre flown inside a disc or outside the bounds, times the depth there [1/m]."""
+    inside: float = 3.0
+    """For each such metre, however deep."""
+    length: float = 5.0
+    """For each metre by which a segment is too short or too long."""
+    margin: float = 0.05
+    """By which discs are larger [m]: between the points looked at, a chain cuts deeper."""
+    samples: int = 10
+    """Points at which a segment is looked at, its end among them."""
+
+
+class Cells(NamedTuple):
+    """Which discs reach into each cell of a grid over the bounds; its border cells are endless."""
+
+    low: Array
+    """(2,) least coordinates [m]."""
+    size: Array
+    """(2,) of a cell [m]."""
+    first: NDArray[np.int64]
+    """(CELLS^2 + 1,) where each cell's discs begin."""
+    discs: Array
+    """(m, 3) centre and radius [m], by cell, rows of cells one after the other."""
+
+
+def cells(bounds: Array, centers: Array, radii: Array) -> Cells:
+    """Sort discs, centres (n, 2) and radii (n,), into a grid over bounds (2, 2) [m]."""
+    size = (bounds[1] - bounds[0]) / CELLS
+    edges = bounds[0] + np.arange(CELLS + 1)[:, None] * size
+    edges[0], edges[-1] = -np.inf, np.inf
+    # how far each centre is from the columns and from the rows of cells (2, CELLS, n)
+    nearest = np.clip(centers, edges[:-1, None], edges[1:, None])
+    square = np.moveaxis(nearest - centers, -1, 0) ** 2
+    # a hair more, for points that rounding puts into the neighbouring cell
+    reach = (radii * (1.0 + 1e-9) + 1e-9 * size.max()) ** 2
+    inside = square[1][:, None] + square[0] <= reach
+    first = np.concatenate([[0], np.cumsum(inside.sum(axis=-1).ravel())])
+    disc = np.nonzero(inside)[2]
+    return Cells(
+        np.ascontiguousarray(bounds[0]),
+        size,
+        first.astype(np.int64),
+        np.column_stack([centers, radii])[disc],
+    )
+
+
+class Weights(NamedTuple):
+    """Penalties and limits, for compiled functions."""
+
+    depth: float
+    inside: float
+    length: float
+    shortest: float
+    longest: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ChainObjective:
+    """Length and penalties of chains as a function of their unknowns."""
+
+    base: Array
+    """(4 (n + 1),) numbers of the knots: point, derivative, knot by knot."""
+    reach: Array
+    """(4 (n + 1), unknowns)."""
+    looks: Array
+    """(samples, 4) weights of the control rows at the points looked at."""
+    bounds: Array
+    """(2, 2) [m]."""
+    cells: Cells
+    weights: Weights
+
+    @property
+    def unknowns(self) -> int:
+        """How many numbers are free."""
+        return int(self.reach.shape[1])
+
+    def control(self, x: Array) -> Array:
+        """The chain (n, 4, 2) of unknowns (m,)."""
+        knots = (self.base + self.reach @ x).reshape(-1, 2, 2)
+        return np.stack([knots[:-1, 0], knots[1:, 0], knots[:-1, 1], knots[1:, 1]], axis=1)
+
+    def value(self, x: Array) -> float:
+        """Length, by chords, and penalties of the chain of unknowns (m,) [m]."""
+        return _value(x, self.base, self.reach, self.looks, self.bounds, self.cells, self.weights)
+
+
+def chain_objective(
+    field: Field,
+    vehicle: flight.State,
+    encoding: Encoding,
+    penalties: Penalties,
+    limits: Limits = PAPER_LIMITS,
+) -> ChainObjective:
+    """The objective of chains from a vehicle to the goal.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs) or discs.dimension != 2:
+        raise TypeError(f"swarms know discs in the plane, not {type(discs).__name__}")
+    base, reach = encoding.arrays(field, vehicle)
+    return ChainObjective(
+        base=base.ravel(),
+        reach=reach.reshape(base.size, -1),
+        looks=basis(np.linspace(0.0, 1.0, penalties.samples + 1)[1:]),
+        bounds=field.bounds,
+        cells=cells(field.bounds, discs.centers, discs.radii + penalties.margin),
+        weights=Weights(
+            float(penalties.depth),
+            float(penalties.inside),
+            float(penalties.length),
+            float(limits.shortest),
+            float(limits.longest),
+        ),
+    )
+
+
+@compiled
+def _value(
+    x: Array, base: Array, reach: Array, looks: Array, bounds: Array, near: Cells, weights: Weights
+) -> float:
+    knots = base + reach @ x
+    px, py = knots[0], knots[1]
+    total = 0.0
+    for k in range(0, len(knots) - 4, 4):
+        length = 0.0
+        for i in range(len(looks)):
+            start, end, leave, arrive = looks[i, 0], looks[i, 1], looks[i, 2], looks[i, 3]
+            qx, qy = px, py
+            px = (
+                start * knots[k] + end * knots[k + 4] + leave * knots[k + 2] + arrive * knots[k + 6]
+            )
+            py = (
+                start * knots[k + 1]
+                + end * knots[k + 5]
+                + leave * knots[k + 3]
+                + arrive * knots[k + 7]
+            )
+            chord = np.sqrt((px - qx) ** 2 + (py - qy) ** 2)
+            length += chord
+            out = max(bounds[0, 0] - px, px - bounds[1, 0], 0.0)
+            out += max(bounds[0, 1] - py, py - bounds[1, 1], 0.0)
+            if out > 0.0:
+                total += (weights.depth * out + weights.inside) * chord
+            column = min(max(int((px - near.low[0]) / near.size[0]), 0), CELLS - 1)
+            row = min(max(int((py - near.low[1]) / near.size[1]), 0), CELLS - 1)
+            cell = row * CELLS + column
+            for j in range(near.first[cell], near.first[cell + 1]):
+                dx, dy, radius = px - near.discs[j, 0], py - near.discs[j, 1], near.discs[j, 2]
+                square = dx * dx + dy * dy
+                if square < radius * radius:
+                    depth = radius - np.sqrt(square)
+                    total += (weights.depth * depth + weights.inside) * chord
+        wrong = max(weights.shortest - length, length - weights.longest, 0.0)
+        total += length + weights.length * wrong
+    return float(total)

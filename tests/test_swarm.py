@@ -1,0 +1,193 @@
+"""Particle swarms and bee colonies: what they minimise, and the routes they find."""
+
+import importlib.util
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from ferguson_gym import flight
+from ferguson_gym.catalog import one
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.splines import evaluate
+from planners.budget import Evaluations, Seconds
+from planners.catalog import make
+from planners.routes import Route
+from planners.shortest import exact_length
+from planners.swarm import Swarms, bees, particles
+from planners.swarm_objective import (
+    ChainObjective,
+    Encoding,
+    Penalties,
+    by_halves,
+    chain_objective,
+    one_by_one,
+)
+
+SHAPES = {"one by one": one_by_one, "by halves": by_halves}
+SWARMS = {"pso": particles, "abc": bees}
+FEW = Evaluations(20_000)
+
+
+def objective_of(field: Field, encoding: Encoding, penalties: Penalties) -> ChainObjective:
+    return chain_objective(field, flight.depart(field), encoding, penalties)
+
+
+def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penalties) -> float:
+    """By the definition: sampled points, every disc looked at."""
+    control = objective.control(x)
+    points = evaluate(control, np.arange(p.samples + 1) / p.samples)
+    chords = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+    points = points[:, 1:]
+    lengths = chords.sum(axis=1)
+    assert isinstance(field.obstacles, Discs)
+    depth = p.margin - field.obstacles.signed_distance(points)
+    low, high = field.bounds
+    outside = np.maximum(np.maximum(low - points, points - high), 0.0).sum(axis=-1)
+    per_metre = np.where(depth > 0.0, p.depth * depth + p.inside, 0.0).sum(axis=-1)
+    per_metre += np.where(outside > 0.0, p.depth * outside + p.inside, 0.0)
+    short = np.maximum(PAPER_LIMITS.shortest - lengths, 0.0)
+    long = np.maximum(lengths - PAPER_LIMITS.longest, 0.0)
+    return float(lengths.sum() + (per_metre * chords).sum() + p.length * (short + long).sum())
+
+
+@pytest.mark.parametrize("shapes", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize("name", ["standard/train:0", "dense/train:1", "forest/train:2"])
+def test_the_objective_is_length_and_penalties(name: str, shapes: Callable[[int], object]) -> None:
+    field, penalties = one(name), Penalties()
+    objective = objective_of(field, Encoding(shapes=shapes), penalties)
+    stream = np.random.default_rng(0)
+    for reach in (0.0, 0.1, 0.5, 1.0, 1.0, 1.0):  # the last leave the bounds
+        x = reach * stream.uniform(-1.0, 1.0, objective.unknowns)
+        expected = plain_value(objective, x, field, penalties)
+        assert objective.value(x) == pytest.approx(expected, rel=1e-10)
+
+
+def test_discs_across_the_bounds_are_felt_from_outside() -> None:
+    discs = Discs([[60.0, -20.0], [115.0, 50.0], [-12.0, -12.0]], [15.0, 30.0, 10.0])
+    field, penalties = Field(name="rim", obstacles=discs), Penalties()
+    objective = objective_of(field, Encoding(across=1.0), penalties)
+    stream = np.random.default_rng(1)
+    for _ in range(20):
+        x = stream.uniform(-1.0, 1.0, objective.unknowns)
+        expected = plain_value(objective, x, field, penalties)
+        assert objective.value(x) == pytest.approx(expected, rel=1e-10)
+
+
+@pytest.mark.parametrize("shapes", SHAPES.values(), ids=SHAPES)
+@pytest.mark.parametrize(
+    ("distance", "segments"), [(0.5, 1), (9.0, 2), (17.0, 4), (33.0, 4), (140.0, 14)]
+)
+def test_unknowns_are_all_that_a_chain_leaves_free(
+    shapes: Callable[[int], object], distance: float, segments: int
+) -> None:
+    goal = (3.0 * distance / 5.0, 4.0 * distance / 5.0)
+    field = Field(
+        name="open", obstacles=Discs([], []), goal=goal, bounds=(-10, 130), start_derivative=(2, 1)
+    )
+    objective = objective_of(field, Encoding(shapes=shapes), Penalties())
+    straight = objective.control(np.zeros(objective.unknowns))
+    n = len(straight)
+    assert n == segments
+    assert objective.unknowns == 4 * n - 2
+    # full rank: every chain of n segments near the straight one can be expressed
+    assert np.linalg.matrix_rank(objective.reach) == objective.unknowns
+    x = np.random.default_rng(0).uniform(-1.0, 1.0, objective.unknowns)
+    for control in (straight, objective.control(x)):
+        np.testing.assert_array_equal(control[0, 0], field.start)
+        np.testing.assert_array_equal(control[0, 2], field.departure)
+        np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
+        np.testing.assert_allclose(control[-1, 1], field.goal, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(straight[1:, 2], straight[1:, 1] - straight[1:, 0], atol=1e-12)
+
+
+def test_halves_are_tents() -> None:
+    np.testing.assert_allclose(
+        by_halves(4), [[0.5, 0.625, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.625]]
+    )
+
+
+def test_swarms_are_told_discs_in_the_plane() -> None:
+    ball = Discs([[50.0, 50.0, 50.0]], [5.0])
+    space = Field(name="space", obstacles=ball, start=(0, 0, 0), goal=(100, 100, 100))
+    vehicle = flight.State(space.start, space.departure)
+    with pytest.raises(TypeError, match="discs in the plane"):
+        chain_objective(space, vehicle, Encoding(), Penalties())
+
+
+@pytest.mark.parametrize("name", SWARMS)
+def test_without_its_library_a_planner_says_what_to_install(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda module: None)
+    with pytest.raises(ValueError, match=rf"'{name}' needs pygmo: pip install .*\[peers\]"):
+        make(name)
+
+
+@pytest.fixture(scope="module", params=SWARMS)
+def swarms(request: pytest.FixtureRequest) -> Swarms:
+    pytest.importorskip("pygmo")
+    return replace(SWARMS[request.param](), budget=FEW)
+
+
+def routes(swarms: Swarms, field: Field, *seeds: int) -> list[Route]:
+    found = [swarms.route(field, flight.depart(field), seed) for seed in seeds]
+    assert all(route is not None for route in found)
+    return [route for route in found if route is not None]
+
+
+@pytest.mark.parametrize("name", ["standard/train:0", "sparse/train:1"])
+def test_a_route_is_clear_and_leads_to_the_goal(swarms: Swarms, name: str) -> None:
+    field = one(name)
+    (route,) = routes(swarms, field, 0)
+    np.testing.assert_array_equal(route.points[0], field.start)
+    np.testing.assert_allclose(route.points[-1], field.goal, rtol=0.0, atol=1e-9)
+    assert field.obstacles.signed_distance(route.points).min() >= -1e-6
+    assert (route.points >= field.bounds[0] - 1e-6).all()
+    assert (route.points <= field.bounds[1] + 1e-6).all()
+    chords = np.linalg.norm(np.diff(route.points, axis=0), axis=1)
+    assert chords.max() < 1.0
+    assert chords.sum() <= route.length <= chords.sum() * (1.0 + 1e-3)
+    exact = exact_length(field)
+    assert exact is not None
+    assert exact * (1.0 - 1e-6) <= route.length <= 1.5 * exact
+    assert FEW.count <= route.evaluations <= 1.2 * FEW.count
+    seconds, lengths = zip(*route.progress, strict=True)
+    assert (np.diff(seconds) > 0.0).all()
+    assert (np.diff(lengths) < 0.0).all()
+    assert lengths[-1] == route.length
+
+
+def test_a_seed_gives_one_route(swarms: Swarms) -> None:
+    first, again, other = routes(swarms, one("sparse/train:1"), 0, 0, 1)
+    np.testing.assert_array_equal(first.points, again.points)
+    assert first.length == again.length
+    assert first.evaluations == again.evaluations
+    assert first.length != other.length
+
+
+def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> None:
+    field = one("sparse/train:1")
+    start = flight.depart(field)
+    first = swarms.route(field, start, 0)
+    later = swarms.route(field, replace(start, segments=3), 0)
+    assert first is not None
+    assert later is not None
+    assert first.length != later.length
+
+
+def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
+    wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
+    field = Field(name="wall", obstacles=wall)
+    assert swarms.route(field, flight.depart(field), 0) is None
+
+
+def test_seconds_end_a_search(swarms: Swarms) -> None:
+    field = one("sparse/train:1")
+    brief = replace(swarms, budget=Seconds(1e-9))
+    route = brief.route(field, flight.depart(field), 0)
+    # one look, after the first generations
+    assert route is None or route.evaluations < 0.2 * FEW.count
