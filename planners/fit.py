@@ -21,8 +21,13 @@ from planners.window import WindowSettings, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 """Length of segments at first [m]; tried one after the other until one leads to a chain."""
+STIFFNESS = 1e-5
+"""Weight of the integral of |X''|^2 over t [1/m]. The shortest chains turn on the spot where the
+route leaves the vehicle's heading; for a few hundredths of a per mille of length, this has them
+turn like a flight."""
 ASIDE = 3.0
 """How far a guess is moved aside where it leads to nothing [m]."""
+_SETTINGS = WindowSettings(stiffness=STIFFNESS)
 _SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
@@ -46,7 +51,7 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
         tried.add(segments)
         at = np.linspace(0.0, along[-1], segments + 1)
         knots = np.column_stack([np.interp(at, along, axis) for axis in points.T])
-        window = final_window(field, vehicle, limits, WindowSettings(), segments)
+        window = final_window(field, vehicle, limits, _SETTINGS, segments)
         along_route = through(vehicle, knots)
         # a guess on a straight line cannot choose a side to be long enough on
         for guess in (along_route, *beside(along_route, ASIDE)):

@@ -32,7 +32,6 @@ from planners.swarm_objective import (
     ChainObjective,
     Encoding,
     Penalties,
-    by_halves,
     chain_objective,
 )
 
@@ -188,7 +187,7 @@ def particles() -> Swarms:
     """
     return Swarms(
         method=Particles(),
-        encoding=Encoding(shapes=by_halves, spacing=13.0),
+        encoding=Encoding(spacing=13.0),
         penalties=Penalties(inside=10.0),
     )
 
@@ -198,6 +197,4 @@ def bees() -> Swarms:
 
     Bees change one unknown at a time, so that some unknowns must bend the whole chain.
     """
-    return Swarms(
-        method=Bees(), encoding=Encoding(shapes=by_halves), penalties=Penalties(inside=10.0)
-    )
+    return Swarms(method=Bees(), encoding=Encoding(), penalties=Penalties(inside=10.0))

@@ -16,7 +16,6 @@ Reference:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -38,11 +37,6 @@ FEWEST = 4
 """Segments of a chain, as long as they cover `SHORT` each."""
 SHORT = 4.0
 """Straight distance [m] that a segment should not fall below."""
-
-
-def one_by_one(segments: int) -> Array:
-    """Shapes (n - 1, n - 1) of the offsets across the way: each unknown moves one knot."""
-    return np.eye(segments - 1)
 
 
 def by_halves(segments: int) -> Array:
@@ -68,8 +62,6 @@ def by_halves(segments: int) -> Array:
 class Encoding:
     """Chains around the straight way to the goal; how far unknowns move them."""
 
-    shapes: Callable[[int], Array] = one_by_one
-    """Of the offsets across the way."""
     spacing: float = 10.5
     """Straight distance that a segment covers at most [m]."""
     across: float = 1.0 / 3.0
@@ -93,7 +85,7 @@ class Encoding:
         base, reach = np.zeros((n + 1, 2, 2)), np.zeros((n + 1, 2, 2, 4 * n - 2))
         base[:, 0] = vehicle.position + np.arange(n + 1)[:, None] * step
         normal = aside / np.linalg.norm(aside)
-        for knot, row in enumerate(self.shapes(n), start=1):
+        for knot, row in enumerate(by_halves(n), start=1):
             reach[knot, 0, :, : n - 1] = width * normal[:, None] * row
             reach[knot, 0, :, n - 2 + knot] = self.along * step
         for knots in (base, reach):

@@ -1,7 +1,6 @@
 """Particle swarms and bee colonies: what they minimise, and the routes they find."""
 
 import importlib.util
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -24,10 +23,8 @@ from planners.swarm_objective import (
     Penalties,
     by_halves,
     chain_objective,
-    one_by_one,
 )
 
-SHAPES = {"one by one": one_by_one, "by halves": by_halves}
 SWARMS = {"pso": particles, "abc": bees}
 FEW = Evaluations(20_000)
 
@@ -54,11 +51,10 @@ def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penal
     return float(lengths.sum() + (per_metre * chords).sum() + p.length * (short + long).sum())
 
 
-@pytest.mark.parametrize("shapes", SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize("name", ["standard/train:0", "dense/train:1", "forest/train:2"])
-def test_the_objective_is_length_and_penalties(name: str, shapes: Callable[[int], object]) -> None:
+def test_the_objective_is_length_and_penalties(name: str) -> None:
     field, penalties = one(name), Penalties()
-    objective = objective_of(field, Encoding(shapes=shapes), penalties)
+    objective = objective_of(field, Encoding(), penalties)
     stream = np.random.default_rng(0)
     for reach in (0.0, 0.1, 0.5, 1.0, 1.0, 1.0):  # the last leave the bounds
         x = reach * stream.uniform(-1.0, 1.0, objective.unknowns)
@@ -77,18 +73,15 @@ def test_discs_across_the_bounds_are_felt_from_outside() -> None:
         assert objective.value(x) == pytest.approx(expected, rel=1e-10)
 
 
-@pytest.mark.parametrize("shapes", SHAPES.values(), ids=SHAPES)
 @pytest.mark.parametrize(
     ("distance", "segments"), [(0.5, 1), (9.0, 2), (17.0, 4), (33.0, 4), (140.0, 14)]
 )
-def test_unknowns_are_all_that_a_chain_leaves_free(
-    shapes: Callable[[int], object], distance: float, segments: int
-) -> None:
+def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: int) -> None:
     goal = (3.0 * distance / 5.0, 4.0 * distance / 5.0)
     field = Field(
         name="open", obstacles=Discs([], []), goal=goal, bounds=(-10, 130), start_derivative=(2, 1)
     )
-    objective = objective_of(field, Encoding(shapes=shapes), Penalties())
+    objective = objective_of(field, Encoding(), Penalties())
     straight = objective.control(np.zeros(objective.unknowns))
     n = len(straight)
     assert n == segments
