@@ -7,6 +7,7 @@ from collections.abc import Callable
 from planners.astar import AStar
 from planners.budget import Iterations
 from planners.extras import require
+from planners.guided import Guided
 from planners.interface import Planner
 from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
@@ -90,6 +91,7 @@ def abc() -> WholePath:
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
     "multi-start": multi_start,
+    "guided": Guided,
     "shortest": shortest,
     "voronoi": voronoi,
     "astar": astar,

@@ -16,7 +16,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from planners.multi_start import MultiStart, beside
 from planners.sqp import ElasticSqp
-from planners.starts import through
+from planners.starts import along
 from planners.window import WindowSettings, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
@@ -27,7 +27,7 @@ route leaves the vehicle's heading; for a few hundredths of a per mille of lengt
 turn like a flight."""
 ASIDE = 3.0
 """How far a guess is moved aside where it leads to nothing [m]."""
-_SETTINGS = WindowSettings(stiffness=STIFFNESS)
+SETTINGS = WindowSettings(stiffness=STIFFNESS)
 _SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
@@ -42,19 +42,17 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
         vehicle: where the chain starts.
         limits: what a segment may be.
     """
-    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     tried: set[int] = set()
     for spacing in SPACINGS:
-        segments = min(max(1, math.ceil(along[-1] / spacing)), limits.segments - vehicle.segments)
+        segments = min(max(1, math.ceil(whole / spacing)), limits.segments - vehicle.segments)
         if segments in tried:
             continue
         tried.add(segments)
-        at = np.linspace(0.0, along[-1], segments + 1)
-        knots = np.column_stack([np.interp(at, along, axis) for axis in points.T])
-        window = final_window(field, vehicle, limits, _SETTINGS, segments)
-        along_route = through(vehicle, knots)
+        window = final_window(field, vehicle, limits, SETTINGS, segments)
+        on_route = along(vehicle, points, segments, whole)
         # a guess on a straight line cannot choose a side to be long enough on
-        for guess in (along_route, *beside(along_route, ASIDE)):
+        for guess in (on_route, *beside(on_route, ASIDE)):
             (end,) = _SOLVER.solve(window, [guess])
             if end.feasible:
                 return end.control

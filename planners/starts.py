@@ -53,6 +53,21 @@ def shifted(state: State, tail: Array, segments: int) -> Array:
     return chain
 
 
+def along(state: State, points: Array, segments: int, length: float) -> Array:
+    """A chain (segments, 4, 2) with evenly spaced knots on the first part of a route.
+
+    Args:
+        state: where the chain starts.
+        points: (m, 2) of the route, from the state on [m].
+        segments: number of segments of the chain.
+        length: of that part, measured along the points [m].
+    """
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(chords)])
+    at = np.linspace(0.0, length, segments + 1)
+    return through(state, np.column_stack([np.interp(at, way, axis) for axis in points.T]))
+
+
 def random_chains(
     stream: np.random.Generator, state: State, segments: int, limits: Limits, count: int
 ) -> Array:

@@ -1,0 +1,168 @@
+"""The receding horizon that knows the way: length flown plus the exact distance from there.
+
+Three segments are optimised and one is flown, as in the paper; but the window's end is judged by
+the length of the shortest path from there, and its starts lie on the shortest paths of the best
+homotopy classes. There are no random numbers.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym import flight
+from ferguson_gym.arrays import Array
+from ferguson_gym.feasibility import is_feasible
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from planners.chain import Chain
+from planners.classes import classes
+from planners.distance import DistanceToGo
+from planners.exchange import Certified, WindowSolver
+from planners.fit import ASIDE, STIFFNESS
+from planners.interface import Decision, Plan, State, WindowReport
+from planners.multi_start import MultiStart, beside
+from planners.objectives import LengthObjective
+from planners.rollout import arriving, rest, roll_out
+from planners.shortest import SPACING
+from planners.starts import along
+from planners.togo_objective import ToGoObjective
+from planners.window import Window, WindowSettings, final_window
+
+
+class Start(NamedTuple):
+    """A window and where a search of it begins."""
+
+    name: str
+    window: Window
+    guess: Array
+    """Segments (n, 4, 2)."""
+
+
+@lru_cache(maxsize=2)
+def _distance_to_go(field: Field) -> DistanceToGo:
+    """Built once a flight: fields are known by identity, and one flight follows the other."""
+    return DistanceToGo(field)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guided:
+    """The paper's receding horizon, guided by the exact distance to the goal."""
+
+    classes: int = 2
+    """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
+    strides: tuple[float, ...] = (11.0, 7.0, 4.5)
+    """Lengths of segments at first [m], likewise."""
+    solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
+    settings: WindowSettings = field(default_factory=lambda: WindowSettings(stiffness=STIFFNESS))
+    limits: Limits = PAPER_LIMITS
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        """Plan from a state to the goal; the seed changes nothing.
+
+        Raises:
+            TypeError: obstacles other than discs in the plane.
+        """
+        return roll_out(self, field, state, seed)
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        """Decide the next segment, and what is meant to follow it.
+
+        Raises:
+            TypeError: obstacles other than discs in the plane.
+        """
+        began = time.perf_counter()
+        if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
+            return Decision(left, _report(state, began))
+        tried = 0
+        for tried, start in enumerate(self.starts(field, state), start=1):
+            (end,) = self.solver.solve(start.window, [start.guess])
+            if end.feasible and self._holds(field, state.vehicle, end.control):
+                return Decision(end.control, _report(state, began, tried, start, end))
+        # nothing new was found, but what was planned before still leads somewhere
+        left = rest(field, state, self.limits)
+        return Decision(left, _report(state, began, tried))
+
+    def starts(self, field: Field, state: State) -> Iterator[Start]:
+        """Windows along shortest paths, the best class first, and guesses on and beside them."""
+        togo, vehicle = _distance_to_go(field), state.vehicle
+        paths = classes(togo, vehicle.position, self.classes)
+        for rank, path in enumerate(paths, start=1):
+            points = path.points(SPACING)
+            for stride in self.strides:
+                reach = self.settings.segments * stride
+                final = path.length <= reach
+                segments = math.ceil(path.length / stride) if final else self.settings.segments
+                window = (
+                    final_window(field, vehicle, self.limits, self.settings, segments)
+                    if final
+                    else self.window(field, vehicle, segments)
+                )
+                guess = along(vehicle, points, segments, min(path.length, reach))
+                yield Start(f"class {rank}", window, guess)
+                for side in beside(guess, ASIDE):
+                    yield Start(f"beside class {rank}", window, side)
+
+    def window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
+        """So many segments, past the obstacles within their reach."""
+        return Window(
+            chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
+            objective=ToGoObjective(_distance_to_go(field)),
+            field=field,
+            obstacles=field.obstacles.near(vehicle.position, segments * self.limits.longest),
+            limits=self.limits,
+            samples=self.settings.samples,
+            stiffness=self.settings.stiffness,
+        )
+
+    def _holds(self, field: Field, vehicle: flight.State, chain: Array) -> bool:
+        """Whether a chain can be flown and, unless it ends on the goal, be continued."""
+        if not flight.follow(field, vehicle, chain[0], self.limits).flown:
+            return False
+        if np.array_equal(chain[-1, 1], field.goal):
+            return True
+        end = flight.State(chain[-1, 1], chain[-1, 3])
+        path = _distance_to_go(field).path(end.position)
+        if path is None:
+            return False
+        for stride in self.strides:
+            ahead = along(end, path.points(SPACING), 1, min(path.length, stride))
+            if is_feasible(ahead, field, self.limits).all():
+                return True
+        (further,) = self.solver.solve(self.window(field, end, 1), [ahead])
+        return further.feasible
+
+
+def _report(
+    state: State,
+    began: float,
+    tried: int = 0,
+    start: Start | None = None,
+    kept: Certified | None = None,
+) -> WindowReport:
+    if start is None or kept is None:
+        name = "" if tried else "planned"
+        return WindowReport(
+            step=state.vehicle.segments,
+            start=name,
+            starts=tried,
+            seconds=time.perf_counter() - began,
+        )
+    return WindowReport(
+        step=state.vehicle.segments,
+        start=start.name,
+        objective=kept.solution.objective,
+        starts=tried,
+        feasible=1,
+        final=isinstance(start.window.objective, LengthObjective),
+        evaluations=kept.evaluations,
+        rounds=kept.rounds,
+        solver_status=kept.solution.status,
+        seconds=time.perf_counter() - began,
+    )

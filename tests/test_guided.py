@@ -1,0 +1,129 @@
+"""The guided horizon: derivatives of its objective, its windows, flights that never get stuck."""
+
+import numpy as np
+import pytest
+
+from ferguson_gym import flight
+from ferguson_gym.arc_length import length
+from ferguson_gym.catalog import one, select
+from ferguson_gym.feasibility import is_feasible
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+from planners.catalog import make
+from planners.distance import DistanceToGo
+from planners.guided import Guided
+from planners.interface import State, Status, depart
+from planners.shortest import exact_length
+from planners.togo_objective import ToGoObjective
+
+
+def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:
+    field = one("standard/train:0")
+    togo = DistanceToGo(field)
+    objective = ToGoObjective(togo)
+    stream, step, checked = np.random.default_rng(0), 1e-4, 0
+    for point in stream.uniform(0.0, 100.0, (200, 2)):
+        around = point + step * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+        distance, gradient = togo(around)
+        value, slope, curvature = objective.expand(7.0, point)
+        if field.obstacles.signed_distance(point[None]).min() < 0.01:
+            continue
+        assert value == 7.0 + distance[0]
+        np.testing.assert_array_equal(slope, [1.0, *gradient[0]])
+        differences = np.stack([gradient[1] - gradient[2], gradient[3] - gradient[4]]) / (2 * step)
+        if np.abs(differences).max() < 1.0 and np.linalg.norm(field.goal - point) > 1.0:
+            # neither a kink nor the end of a way's first line between them
+            checked += np.allclose(curvature[1:, 1:], differences, atol=1e-3)
+    assert checked > 100
+
+
+@pytest.mark.parametrize("depth", [0.5, 2.9])
+def test_the_distance_goes_on_into_discs(depth: float) -> None:
+    """An iterate of the search may end there, and needs a way out."""
+    field = Field(name="disc", obstacles=Discs([[50.0, 50.0], [53.0, 50.0]], [3.0, 3.0]))
+    outside = np.array([47.0, 50.0])
+    inside = np.array([47.0 + depth, 50.0])
+    objective = ToGoObjective(DistanceToGo(field))
+    (expected,), _ = DistanceToGo(field)(outside[None] - [1e-6, 0.0])
+    value, slope, curvature = objective.expand(0.0, inside)
+    assert value == pytest.approx(expected + depth, abs=1e-5)
+    assert np.isfinite(slope).all()
+    assert np.isfinite(curvature).all()
+
+
+@pytest.mark.parametrize(
+    "spec", ["paper:1-4", "standard/train:0-14", "traps/train:0-9", "dense/train:0-4"]
+)
+def test_it_arrives_within_two_thousandths_of_the_exact_length(spec: str) -> None:
+    planner = make("guided")
+    for field in select(spec):
+        plan = planner.plan(field, depart(field), 0)
+        assert plan.success, field.name
+        exact = exact_length(field)
+        assert exact is not None
+        assert -1e-6 <= length(plan.control).sum() / exact - 1.0 < 2e-3, field.name
+
+
+def test_nothing_is_random() -> None:
+    field = one("standard/train:3")
+    plans = [make("guided").plan(field, depart(field), seed) for seed in (0, 1)]
+    np.testing.assert_array_equal(plans[0].control, plans[1].control)
+
+
+def test_windows_have_three_segments_until_the_goal_is_in_reach() -> None:
+    field = one("standard/train:3")
+    plan = make("guided").plan(field, depart(field), 0)
+    chains = [decision.chain for decision in plan.decisions]
+    final = [decision.report.final for decision in plan.decisions].index(True)
+    for decision, chain in zip(plan.decisions[:final], chains, strict=False):
+        assert chain is not None
+        assert len(chain) == 3
+        assert decision.report.start == "class 1"
+        assert not np.array_equal(chain[-1, 1], field.goal)
+    for decision in plan.decisions[final + 1 :]:
+        assert decision.report.start == "planned"
+
+
+def test_every_window_can_be_continued() -> None:
+    """From the end of any window, not only from where it is left."""
+    field = one("dense/train:1")
+    planner = make("guided")
+    plan = planner.plan(field, depart(field), 0)
+    for decision in plan.decisions:
+        chain = decision.chain
+        assert chain is not None
+        if not np.array_equal(chain[-1, 1], field.goal):
+            end = flight.State(chain[-1, 1], chain[-1, 3], 3)
+            onward = planner.plan(field, State(end), 0)
+            assert len(onward.control) > 0
+            assert is_feasible(onward.control, field).all()
+
+
+def test_a_field_without_a_way_is_stuck_at_once() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
+    walled = Field(name="ring", obstacles=ring)
+    plan = Guided().plan(walled, depart(walled), 0)
+    assert plan.status is Status.STUCK
+    assert len(plan.control) == 0
+
+
+def test_a_heading_into_a_disc_is_stuck() -> None:
+    field = Field(
+        name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
+    )
+    assert Guided().plan(field, depart(field), 0).status is Status.STUCK
+
+
+def test_obstacles_that_are_no_discs_are_refused() -> None:
+    spheres = Discs([[5.0, 5.0, 5.0]], [1.0])
+    field = Field(
+        name="space",
+        obstacles=spheres,
+        start=np.zeros(3),
+        goal=np.full(3, 10.0),
+        bounds=np.array([[-5.0] * 3, [15.0] * 3]),
+    )
+    state = State(flight.State(np.zeros(3), np.ones(3)))
+    with pytest.raises(TypeError, match="discs in the plane"):
+        Guided().decide(field, state, 0)
