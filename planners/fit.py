@@ -28,7 +28,7 @@ turn like a flight."""
 ASIDE = 3.0
 """How far a guess is moved aside where it leads to nothing [m]."""
 SETTINGS = WindowSettings(stiffness=STIFFNESS)
-_SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
+SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
 def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> Array | None:
@@ -53,7 +53,7 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
         on_route = along(vehicle, points, segments, whole)
         # a guess on a straight line cannot choose a side to be long enough on
         for guess in (on_route, *beside(on_route, ASIDE)):
-            (end,) = _SOLVER.solve(window, [guess])
+            (end,) = SOLVER.solve(window, [guess])
             if end.feasible:
                 return end.control
     return None
