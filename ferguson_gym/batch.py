@@ -13,8 +13,13 @@ from numpy.typing import NDArray
 from ferguson_gym.actions import Action, decode_into
 from ferguson_gym.arrays import Array
 from ferguson_gym.bank import World
-from ferguson_gym.compilation import compiled, compiled_in_place, compiled_without_lock
-from ferguson_gym.crew import CLAIMED, DONE, Counters, add, borrowed, get, put
+from ferguson_gym.compilation import (
+    borrowed,
+    compiled,
+    compiled_in_place,
+    compiled_without_lock,
+)
+from ferguson_gym.crew import CLAIMED, DONE, Counters, add, get, put
 from ferguson_gym.feasibility import FLYING, first_failure
 from ferguson_gym.limits import Numbers
 from ferguson_gym.observations import Layout, Single, look

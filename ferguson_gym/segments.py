@@ -14,8 +14,7 @@ from ferguson_gym.arc_length import DEPTH as PIECES
 from ferguson_gym.arc_length import NODES
 from ferguson_gym.arrays import Array
 from ferguson_gym.bernstein import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
-from ferguson_gym.compilation import compiled, compiled_in_place
-from ferguson_gym.crew import borrowed
+from ferguson_gym.compilation import borrowed, compiled, compiled_in_place
 from ferguson_gym.splines import coordinate_extent
 
 _MARGIN = 2e-10
@@ -61,7 +60,7 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
 
 @compiled
 def borrowed_scratch(scratch: Scratch) -> Scratch:
-    """The same memory, without its owner; see `ferguson_gym.crew.borrowed`."""
+    """The same memory, without its owner; see `ferguson_gym.compilation.borrowed`."""
     return Scratch(
         scratch.axes,
         borrowed(scratch.chord),
