@@ -17,7 +17,10 @@ from typing import Any, TypeVar, cast
 
 import numba
 from llvmlite import ir
+from numba import types
+from numba.core import cgutils
 from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 F = TypeVar("F", bound=Callable[..., object])
 T = TypeVar("T")
@@ -104,5 +107,25 @@ def _borrowed(_: Any, array: Any) -> Any:
     return array(array), generate
 
 
-# typed as it is called from compiled functions
+@intrinsic
+def _prefetch(_: Any, array: Any, byte: Any) -> Any:
+    """Have a line of an array's memory brought near, from this byte on, while work goes on."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        struct = context.make_array(array)(context, builder, arguments[0])
+        start = builder.bitcast(struct.data, ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [start.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call]
+            builder.module, kind, "llvm.prefetch.p0"
+        )
+        to_read, soon, data = number(0), number(3), number(1)
+        builder.call(prefetch, [builder.gep(start, [arguments[1]]), to_read, soon, data])
+        return context.get_dummy_value()
+
+    return types.none(array, types.int64), generate
+
+
+# typed as they are called from compiled functions
 borrowed = cast("Callable[[T], T]", _borrowed)
+prefetch = cast("Callable[[NDArray[Any], int], None]", _prefetch)

@@ -45,7 +45,7 @@ def compiled() -> None:
     envs.reset(seed=0)
     job = envs._fleet._job
     batch.advance(job, new_counters())
-    batch.help_out(job, new_counters(), 0)
+    batch.help_out(job, new_counters(), batch.FROM_BACK, 0)
 
 
 @pytest.fixture
@@ -133,7 +133,7 @@ def test_every_vehicle_is_stepped_once_a_step(
     monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
     monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
-    number = 5 * batch.CHUNK + 3
+    number = 9 * batch.CHUNK + 3
     envs = VectorObstacleField(number, autoreset_mode="Disabled", fields=1, obstacles=0)
     still = np.zeros((number, 4), np.float32)
     for _ in range(150):
