@@ -116,7 +116,7 @@ def look(
     rest = seen[3 * number :]
     if rays > 0:
         ranges = rest[rays * i : rays * (i + 1)]
-        _ranges(ranges, layout.ways, position, turn, bounds, columns, radii)
+        _ranges(ranges, layout.ways, position, turn, bounds, columns, radii, work, found)
         rest = rest[rays * number :]
     else:
         mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
@@ -136,6 +136,23 @@ def look(
 
 
 @compiled_in_place
+def _within_view(
+    x: float, y: float, columns: Array, radii: Array, spare: Array, found: NDArray[np.int64]
+) -> int:
+    """Fill `found` with the discs whose surface is within VIEW of a point; their number."""
+    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
+        along, across = columns[0, k] - x, columns[1, k] - y
+        wide = radii[k] + VIEW
+        wide = wide if wide > 0.0 else 0.0
+        spare[k] = wide * wide - (along * along + across * across)
+    number = 0
+    for k in range(len(radii)):  # without a branch, which no processor could predict
+        found[number] = k
+        number += spare[k] > 0.0
+    return number
+
+
+@compiled_in_place
 def _nearest(
     mask: Single,
     rows: Single,
@@ -149,17 +166,9 @@ def _nearest(
     found: NDArray[np.int64],
 ) -> None:
     """Fill mask (K,) and obstacles (4 K,): discs within VIEW, nearest to the focus first."""
-    spare, near = work[0], work[1]
+    near = work[1]
     x, y = position[0] + focus * cos, position[1] + focus * sin
-    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
-        along, across = columns[0, k] - x, columns[1, k] - y
-        wide = radii[k] + VIEW
-        wide = wide if wide > 0.0 else 0.0
-        spare[k] = wide * wide - (along * along + across * across)
-    seen = 0
-    for k in range(len(radii)):  # without a branch, which no processor could predict
-        found[seen] = k
-        seen += spare[k] > 0.0
+    seen = _within_view(x, y, columns, radii, work[0], found)
     for m in range(seen):
         k = found[m]
         along, across = columns[0, k] - x, columns[1, k] - y
@@ -193,6 +202,8 @@ def _ranges(
     bounds: Array,
     columns: Array,
     radii: Array,
+    work: Array,
+    found: NDArray[np.int64],
 ) -> None:
     """Fill ranges (R,) to the nearest disc or bound along ways (2, R) in the vehicle's frame.
 
@@ -215,10 +226,9 @@ def _ranges(
         reach = along if along < across else across
         reach = reach if reach < view else view
         ranges[j] = reach if reach > none else none
-    for k in range(len(radii)):
+    for m in range(_within_view(position[0], position[1], columns, radii, work[0], found)):
+        k = found[m]
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-        if not radii[k] > 0.0 or x * x + y * y >= (VIEW + radii[k]) ** 2:
-            continue
         ahead = np.float32(turn.real * x + turn.imag * y)
         left = np.float32(turn.real * y - turn.imag * x)
         # (r - a)(r + a), not r^2 - a^2, which would have no digits left for a wall of a disc
