@@ -62,6 +62,7 @@ class Fleet:
             last_seen=np.zeros(values, np.float32),
             last_reports=np.zeros(number, batch.REPORT),
         )
+        self._bare = batch.bare(self._job)
         self._given: list[Field | None] = [None] * number
         self._drawn: list[int] = []
         self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
@@ -82,6 +83,7 @@ class Fleet:
         """
         self._bank.make_room(field)
         self._job = self._job._replace(world=self._bank.world)
+        self._bare = batch.bare(self._job)
         self._crew = None  # which works on the job as it was
 
     def begin(
@@ -119,7 +121,7 @@ class Fleet:
             else:
                 flights["slot"][i] = self._job.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
-        batch.begin(self._job, chosen)
+        batch.begin(self._bare, chosen)
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -138,7 +140,7 @@ class Fleet:
             if self._crew is None:
                 self._crew = self._hire()
             self._crew.call()
-        batch.advance(self._job, self._counters)
+        batch.advance(self._bare, self._counters)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but threads, which a copy hires anew."""
@@ -146,7 +148,7 @@ class Fleet:
 
     def _hire(self) -> Crew:
         # the threads must not keep the fleet alive
-        job, counters = self._job, self._counters
+        job, counters = self._bare, self._counters
         threads = min(numba.get_num_threads(), self.number // batch.CHUNK)
         return Crew(lambda: batch.help_out(job, counters, batch.FROM_BACK, PATIENCE), threads - 1)
 

@@ -43,7 +43,7 @@ def compiled() -> None:
     """Compile what helpers run, so that no test waits for that."""
     envs = VectorObstacleField(70, fields=1)
     envs.reset(seed=0)
-    job = envs._fleet._job
+    job = envs._fleet._bare
     batch.advance(job, new_counters())
     batch.help_out(job, new_counters(), batch.FROM_BACK, 0)
 
@@ -180,7 +180,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     pieces = number // batch.CHUNK
     envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=20)
     envs.reset(seed=0)
-    job, counters = envs._fleet._job, new_counters()
+    job, counters = envs._fleet._bare, new_counters()
     late, done = [0], new_counters()
 
     def help_late() -> None:
@@ -192,9 +192,9 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     claim(np.zeros(2, np.int64), pieces), report_done(done)  # compiled before it matters
     for _ in range(100):
         before, helper = late[0], threading.Thread(target=help_late)
+        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         helper.start()
         batch.advance(job, counters)
-        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         waited = late[0] > before
         helper.join()
         assert waited == (late[0] > before)
