@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from agents.env_processes import in_processes
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.fleet import BLOCK
+from ferguson_gym.fleet import FIRST
 from ferguson_gym.settings import Settings
 
 FIELDS = Settings().fields
@@ -163,7 +163,7 @@ class Entry:
         The reset after one with a seed draws a block of them for each environment; ten draws a
         field leave one out with probability exp(-10).
         """
-        draws = BLOCK * (self.number if self.share else 1)
+        draws = FIRST * (self.number if self.share else 1)
         for seed in rng.integers(2**31, size=1 + math.ceil(10 * self.fields / draws)).tolist():
             driver.reset(seed)
 

@@ -18,10 +18,11 @@ PLACE = np.dtype(
         ("goal", np.float64, 2),
         ("bounds", np.float64, (2, 2)),
         ("distance", np.float64),
+        ("clearance", np.float64),
     ]
 )
-"""What a field has beside obstacles: start [m], start derivative [m per unit t], goal, bounds
-and the straight distance from start to goal [m]."""
+"""What a field has beside obstacles: start [m], start derivative [m per unit t], goal, bounds,
+the straight distance from start to goal and the clearance at the start [m]."""
 
 
 class World(NamedTuple):
@@ -29,10 +30,8 @@ class World(NamedTuple):
 
     places: NDArray[np.void]
     """(slots,) of PLACE."""
-    columns: Array
-    """Centres (slots, 2, M) [m]."""
-    radii: Array
-    """(slots, M) [m]; minus infinity where there is no disc."""
+    discs: Array
+    """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
 
 
 class Bank:
@@ -46,8 +45,7 @@ class Bank:
         self._usual = Field(name="usual", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
         self.world = World(
             places=np.zeros(slots, PLACE),
-            columns=np.zeros((slots, 2, max(capacity, 1))),
-            radii=np.zeros((slots, max(capacity, 1))),
+            discs=np.zeros((slots, 3, max(capacity, 1))),
         )
         self.used = 0
         """Slots up to the last that was filled."""
@@ -59,13 +57,13 @@ class Bank:
             TypeError, ValueError: as `check`, but for the number of discs.
         """
         capacity = len(self._discs(field))
-        if capacity > self.world.radii.shape[1]:
-            used, old = slice(self.used), self.world
-            columns, radii = (np.zeros((*x.shape[:-1], capacity)) for x in (old.columns, old.radii))
-            columns[used, :, : old.radii.shape[1]] = old.columns[used]
-            radii[used] = -np.inf
-            radii[used, : old.radii.shape[1]] = old.radii[used]
-            self.world = old._replace(columns=columns, radii=radii)
+        old = self.world.discs
+        if capacity > old.shape[2]:
+            used = slice(self.used)
+            discs = np.zeros((*old.shape[:2], capacity))
+            discs[used, 2] = -np.inf
+            discs[used, :, : old.shape[2]] = old[used]
+            self.world = self.world._replace(discs=discs)
         self.capacity = max(self.capacity, capacity)
 
     def check(self, field: Field) -> None:
@@ -105,7 +103,9 @@ class Bank:
         world = self.world
         for key in ("start", "departure", "goal", "bounds", "distance"):
             world.places[key][slot] = getattr(field, key)
-        world.columns[slot, :, : len(discs)] = discs.centers.T
-        world.radii[slot, : len(discs)] = discs.radii
-        world.radii[slot, len(discs) :] = -np.inf
+        away = discs.signed_distance(field.start)
+        world.places["clearance"][slot] = np.min(away, initial=np.inf)
+        world.discs[slot, :2, : len(discs)] = discs.centers.T
+        world.discs[slot, 2, : len(discs)] = discs.radii
+        world.discs[slot, 2, len(discs) :] = -np.inf
         self.used = max(self.used, slot + 1)

@@ -5,7 +5,7 @@ The scalar environment is its batch of one, the vector environment drives it as 
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +13,14 @@ from numpy.typing import NDArray
 from ferguson_gym.actions import Action, decode_into
 from ferguson_gym.arrays import Array
 from ferguson_gym.bank import World
-from ferguson_gym.compilation import compiled, compiled_in_place, compiled_without_lock
-from ferguson_gym.crew import CLAIMED, DONE, Counters, add, borrowed, get, put
+from ferguson_gym.compilation import (
+    borrowed,
+    compiled,
+    compiled_in_place,
+    compiled_without_lock,
+    prefetch,
+)
+from ferguson_gym.crew import CLAIMED, DONE, Counters, add, get, put
 from ferguson_gym.feasibility import FLYING, first_failure
 from ferguson_gym.limits import Numbers
 from ferguson_gym.observations import Layout, Single, look
@@ -31,8 +37,13 @@ GOAL_REACHED, OUT_OF_SEGMENTS = Outcome.GOAL_REACHED.code, Outcome.OUT_OF_SEGMEN
 DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
 """What happens when a flight ends: nothing; reset in place of the next step; reset at once."""
 
-CHUNK = 16
+CHUNK = 8
 """Vehicles that one thread takes at a time."""
+FROM_FRONT, FROM_BACK = 1, 2**32
+"""What a thread adds to the counter of claimed chunks: two threads come from two sides, so that
+each has mostly the vehicles that it had in the last step, and what they need near at hand."""
+LINE = 64
+"""Bytes of memory that come at once."""
 
 
 FLIGHT = np.dtype(
@@ -87,7 +98,7 @@ class Job(NamedTuple):
     mode: int
     """DISABLED, NEXT_STEP or SAME_STEP."""
     seen: Single
-    """(N, n) flat observations after the step, or after the reset that it became."""
+    """(N n,) observations after the step, or after the reset that it became; entry after entry."""
     reports: Records
     """(N,) of REPORT; infos, too, are of after a reset."""
     last_seen: Single
@@ -96,17 +107,16 @@ class Job(NamedTuple):
     """SAME_STEP: infos of flights that ended."""
 
 
+Bare: TypeAlias = tuple[Any, ...]
+"""A job, as `bare` makes it."""
+
+
 @compiled_in_place
 def _begin(job: Job, i: int) -> None:
     flight, world = job.flights[i], job.world
-    slot = flight.slot
-    place, columns, radii = world.places[slot], world.columns[slot], world.radii[slot]
+    place = world.places[flight.slot]
     flight.segments, flight.outcome, flight.path_length = 0, FLYING, 0.0
-    clearance = np.inf
-    for k in range(len(radii)):
-        x, y = columns[0, k] - place.start[0], columns[1, k] - place.start[1]
-        clearance = min(clearance, np.sqrt(x * x + y * y) - radii[k])
-    flight.clearance = clearance
+    flight.clearance = place.clearance
     for d in range(2):
         flight.position[d] = place.start[d]
         flight.derivative[d] = place.departure[d]
@@ -130,8 +140,8 @@ def _fly(job: Job, i: int, scratch: Scratch) -> float:
     outcome, length, clearance = first_failure(
         control,
         place.bounds,
-        world.columns[slot],
-        world.radii[slot],
+        world.discs[slot, :2],
+        world.discs[slot, 2],
         limits,
         flight.clearance,
         scratch,
@@ -156,22 +166,25 @@ def _fly(job: Job, i: int, scratch: Scratch) -> float:
 
 
 @compiled_in_place
-def _observe(job: Job, i: int, row: Single, report: Any, work: Array) -> None:
+def _observe(job: Job, i: int, seen: Single, report: Any, work: Array, found: Integers) -> None:
     """Write what a vehicle sees, and its infos."""
     flight, world = job.flights[i], job.world
     slot = flight.slot
     place = world.places[slot]
     look(
-        row,
+        seen,
+        i,
+        len(job.flights),
         job.layout,
         flight.position,
         flight.derivative,
         1.0 - flight.segments / job.limits.segments,
         place.goal,
         place.bounds,
-        world.columns[slot],
-        world.radii[slot],
+        world.discs[slot, :2],
+        world.discs[slot, 2],
         work,
+        found,
     )
     report.is_success = flight.outcome == GOAL_REACHED
     report.outcome = flight.outcome
@@ -187,29 +200,75 @@ def _advance(job: Job, i: int, scratch: Scratch) -> None:
     report.terminated = False
     report.truncated = False
     begins = job.mode == NEXT_STEP and flight.outcome != FLYING
+    again = False
     if not begins:
         report.reward = _fly(job, i, scratch)
         if flight.outcome != FLYING:
             report.truncated = flight.outcome == OUT_OF_SEGMENTS
             report.terminated = flight.outcome != OUT_OF_SEGMENTS
-            if job.mode == SAME_STEP:
-                begins = True
-                _observe(job, i, job.last_seen[i], job.last_reports[i], scratch.work)
-    if begins:
-        flight.slot = job.queue[i, flight.next]
-        flight.next += 1
-        _begin(job, i)
-    _observe(job, i, job.seen[i], report, scratch.work)
+            again = job.mode == SAME_STEP
+    seen, infos = (job.last_seen, job.last_reports[i]) if again else (job.seen, report)
+    while True:  # in place, so that what is long is compiled once
+        if begins:
+            flight.slot = job.queue[i, flight.next]
+            flight.next += 1
+            _begin(job, i)
+        _observe(job, i, seen, infos, scratch.work, scratch.found)
+        if not again:
+            break
+        begins, again = True, False
+        seen, infos = job.seen, report
+
+
+@compiled_in_place
+def _fetch(job: Job, i: int) -> None:
+    """Have brought near what a vehicle's step will read: its field, or the next one."""
+    flight, world = job.flights[i], job.world
+    slot = flight.slot
+    if job.mode == NEXT_STEP and flight.outcome != FLYING:
+        slot = job.queue[i, flight.next]
+    discs = world.discs[slot]
+    for byte in range(0, discs.size * discs.itemsize, LINE):
+        prefetch(discs, byte)
+    place = world.places[slot : slot + 1]
+    prefetch(place, 0)
+    prefetch(place, LINE)
+    prefetch(job.paths[i, flight.segments], 0)
+
+
+def bare(job: Any) -> Bare:
+    """A job as tuples without names: compiled code is called with them in a third of the time."""
+    return tuple(bare(part) if isinstance(part, tuple) else part for part in job)
 
 
 @compiled
-def _borrowed(job: Job) -> Job:
+def _job(given: Bare) -> Job:
+    return Job(
+        given[0],
+        given[1],
+        given[2],
+        World(*given[3]),
+        given[4],
+        Numbers(*given[5]),
+        Prices(*given[6]),
+        Layout(*given[7]),
+        given[8],
+        given[9],
+        given[10],
+        given[11],
+        given[12],
+    )
+
+
+@compiled
+def _borrowed(given: Bare) -> Job:
+    job = _job(given)
     world = job.world
     return Job(
         borrowed(job.flights),
         borrowed(job.paths),
         borrowed(job.queue),
-        World(borrowed(world.places), borrowed(world.columns), borrowed(world.radii)),
+        World(borrowed(world.places), borrowed(world.discs)),
         borrowed(job.actions),
         job.limits,
         job.prices,
@@ -222,20 +281,39 @@ def _borrowed(job: Job) -> Job:
     )
 
 
+@compiled
+def _claimed(counter: int) -> int:
+    """Chunks that were claimed, from the front and from the back."""
+    return counter % FROM_BACK + counter // FROM_BACK
+
+
 @compiled_without_lock
-def help_out(job: Job, counters: Counters, patience: int) -> None:
-    """Step vehicles as long as any are left; return after so many looks in vain."""
-    owned = make_scratch((0, 1), job.world.radii.shape[1])
-    scratch, lent = borrowed_scratch(owned), _borrowed(job)
-    number = len(job.actions)
+def help_out(given: Bare, counters: Counters, claim: int, patience: int) -> None:
+    """Step vehicles as long as any are left; return after so many looks in vain.
+
+    Args:
+        given: job of all vehicles.
+        counters: of its chunks.
+        claim: FROM_FRONT or FROM_BACK.
+        patience: looks.
+    """
+    lent = _borrowed(given)
+    owned = make_scratch((0, 1), lent.world.discs.shape[2])
+    scratch = borrowed_scratch(owned)
+    number = len(lent.actions)
     chunks = (number + CHUNK - 1) // CHUNK
     idle = 0
     while idle <= patience:
         idle += 1
-        if get(counters, CLAIMED) < chunks:
-            chunk = add(counters, CLAIMED, 1)
-            if chunk < chunks:
-                for i in range(chunk * CHUNK, min((chunk + 1) * CHUNK, number)):
+        if _claimed(get(counters, CLAIMED)) < chunks:
+            before = add(counters, CLAIMED, claim)
+            if _claimed(before) < chunks:
+                front, back = before % FROM_BACK, before // FROM_BACK
+                chunk = front if claim == FROM_FRONT else chunks - 1 - back
+                last = min((chunk + 1) * CHUNK, number)
+                for i in range(chunk * CHUNK, last):
+                    if i + 1 < last:
+                        _fetch(lent, i + 1)
                     _advance(lent, i, scratch)
                 add(counters, DONE, 1)
                 idle = 0
@@ -243,24 +321,35 @@ def help_out(job: Job, counters: Counters, patience: int) -> None:
 
 
 @compiled_without_lock
-def advance(job: Job, counters: Counters) -> None:
+def advance(given: Bare, counters: Counters) -> None:
     """Step every vehicle, with the help of whoever calls `help_out` meanwhile."""
     put(counters, DONE, 0)
     put(counters, CLAIMED, 0)
-    help_out(job, counters, 0)
-    chunks = (len(job.actions) + CHUNK - 1) // CHUNK
+    help_out(given, counters, FROM_FRONT, 0)
+    chunks = (len(_job(given).actions) + CHUNK - 1) // CHUNK
     while get(counters, DONE) < chunks:
         pass
 
 
 @compiled
-def begin(job: Job, chosen: Flags) -> None:
+def begin(given: Bare, chosen: Flags) -> None:
     """Start the chosen flights (N,) in their slots, and look and report for all."""
-    work = np.empty((3, job.world.radii.shape[1]))
+    job = _job(given)
+    discs = job.world.discs.shape[2]
+    work, found = np.empty((2, discs)), np.empty(discs, np.int64)
     for i in range(len(chosen)):
         if chosen[i]:
             _begin(job, i)
-        _observe(job, i, job.seen[i], job.reports[i], work)
+        _observe(job, i, job.seen, job.reports[i], work, found)
+
+
+@compiled
+def used_up(flights: Records, length: int) -> int:
+    """Number of vehicles that have no later field left in their queue of this length."""
+    number = 0
+    for i in range(len(flights)):
+        number += flights[i].next >= length
+    return number
 
 
 @compiled

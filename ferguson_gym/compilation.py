@@ -1,4 +1,4 @@
-"""Numba's compiler behind a typed decorator, so that strict type checks see through it.
+"""Numba's compiler behind typed names, so that strict type checks see through it.
 
 Numba caches machine code beside the module and watches the file of the function it holds, no
 other; yet kernels call kernels and take constants of other files. Each is therefore cached under
@@ -16,8 +16,14 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import numba
+from llvmlite import ir
+from numba import types
+from numba.core import cgutils
+from numba.extending import intrinsic
+from numpy.typing import NDArray
 
 F = TypeVar("F", bound=Callable[..., object])
+T = TypeVar("T")
 
 PACKAGES = ("ferguson_gym", "planners")
 """Packages with compiled functions."""
@@ -81,3 +87,45 @@ def compiled_in_place(function: F) -> F:
 def _jit(function: F, **options: Any) -> F:
     function.__qualname__ = f"{function.__qualname__}-{_digest()}"
     return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
+
+
+@intrinsic
+def _borrowed(_: Any, array: Any) -> Any:
+    """An array without its owner: no reference is counted when it is sliced.
+
+    The counting is atomic and takes a quarter of a step's time. Whoever borrows must see to it
+    that the array lives on.
+    """
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        struct = context.make_array(array)(context, builder, arguments[0])
+        for member in ("meminfo", "parent"):
+            old = getattr(struct, member)
+            setattr(struct, member, ir.Constant(old.type, None))
+        return struct._getvalue()
+
+    return array(array), generate
+
+
+@intrinsic
+def _prefetch(_: Any, array: Any, byte: Any) -> Any:
+    """Have a line of an array's memory brought near, from this byte on, while work goes on."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        struct = context.make_array(array)(context, builder, arguments[0])
+        start = builder.bitcast(struct.data, ir.IntType(8).as_pointer())
+        number = ir.IntType(32)
+        kind = ir.FunctionType(ir.VoidType(), [start.type, number, number, number])
+        prefetch = cgutils.get_or_insert_function(  # type: ignore[no-untyped-call]
+            builder.module, kind, "llvm.prefetch.p0"
+        )
+        to_read, soon, data = number(0), number(3), number(1)
+        builder.call(prefetch, [builder.gep(start, [arguments[1]]), to_read, soon, data])
+        return context.get_dummy_value()
+
+    return types.none(array, types.int64), generate
+
+
+# typed as they are called from compiled functions
+borrowed = cast("Callable[[T], T]", _borrowed)
+prefetch = cast("Callable[[NDArray[Any], int], None]", _prefetch)

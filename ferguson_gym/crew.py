@@ -10,16 +10,13 @@ from __future__ import annotations
 import threading
 import weakref
 from collections.abc import Callable
-from typing import Any, TypeVar, cast
+from typing import Any, cast
 
 import numpy as np
-from llvmlite import ir
 from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
-
-T = TypeVar("T")
 
 Counters = NDArray[np.int64]
 """Two numbers: pieces claimed, pieces done."""
@@ -34,26 +31,18 @@ def new_counters() -> Counters:
     return np.array([2**62, 0], np.int64)
 
 
-@intrinsic
-def _add(_: Any, counters: Any, index: Any, value: Any) -> Any:
-    """Add to a counter, atomically; returns what it was."""
+def _exchange(operation: str) -> Any:
+    """An atomic change of a counter by an operation of LLVM; it returns what the counter was."""
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = _pointer(context, builder, signature, arguments)
-        return builder.atomic_rmw("add", pointer, arguments[2], "seq_cst")
+    @intrinsic
+    def exchange(_: Any, counters: Any, index: Any, value: Any) -> Any:
+        def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            pointer = _pointer(context, builder, signature, arguments)
+            return builder.atomic_rmw(operation, pointer, arguments[2], "seq_cst")
 
-    return types.int64(counters, types.int64, types.int64), generate
+        return types.int64(counters, types.int64, types.int64), generate
 
-
-@intrinsic
-def _put(_: Any, counters: Any, index: Any, value: Any) -> Any:
-    """Set a counter, atomically; returns what it was."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        pointer = _pointer(context, builder, signature, arguments)
-        return builder.atomic_rmw("xchg", pointer, arguments[2], "seq_cst")
-
-    return types.int64(counters, types.int64, types.int64), generate
+    return exchange
 
 
 @intrinsic
@@ -75,29 +64,10 @@ def _pointer(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
     )
 
 
-@intrinsic
-def _borrowed(_: Any, array: Any) -> Any:
-    """An array without its owner: no reference is counted when it is sliced.
-
-    The counting is atomic and takes a quarter of a step's time. Whoever borrows must see to it
-    that the array lives on.
-    """
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        struct = context.make_array(array)(context, builder, arguments[0])
-        for member in ("meminfo", "parent"):
-            old = getattr(struct, member)
-            setattr(struct, member, ir.Constant(old.type, None))
-        return struct._getvalue()
-
-    return array(array), generate
-
-
 # typed as they are called from compiled functions
-add = cast("Callable[[Counters, int, int], int]", _add)
-put = cast("Callable[[Counters, int, int], int]", _put)
+add = cast("Callable[[Counters, int, int], int]", _exchange("add"))
+put = cast("Callable[[Counters, int, int], int]", _exchange("xchg"))
 get = cast("Callable[[Counters, int], int]", _get)
-borrowed = cast("Callable[[T], T]", _borrowed)
 
 
 class Crew:

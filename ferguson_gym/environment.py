@@ -168,7 +168,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
         self._fleet = Fleet(self.settings, 1, batch.DISABLED)
-        self._layout = self.settings.layout
+        self._sizes = self.settings.layout.entries()
         self._field: Field | None = None
         self._viewer: Any = None
 
@@ -253,7 +253,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         )
 
     def _seen(self) -> Observation:
-        return entries_of(self._fleet.seen[0], self._layout)
+        return entries_of(self._fleet.seen.copy(), self._sizes)
 
     def _info(self) -> dict[str, Any]:
         report = self._fleet.reports[0]

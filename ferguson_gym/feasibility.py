@@ -116,7 +116,7 @@ def first_failure(
         return TOO_SHORT, 0.0, 0.0
     if not limits.longest - length >= -slack:
         return TOO_LONG, 0.0, 0.0
-    if not segment_room(control, bounds) >= -slack:
+    if not segment_room(control, bounds, -slack) >= -slack:
         return LEFT_BOUNDS, 0.0, 0.0
     clearance = segment_clearance(control, columns, radii, below, scratch)
     if not clearance >= -slack:

@@ -21,8 +21,11 @@ from ferguson_gym.observations import Single
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.settings import Settings
 
-BLOCK = 64
-"""Seeds of later resets that are drawn at a time."""
+FIRST, BLOCK = 64, 256
+"""Seeds of later resets that are drawn at a time: the first time, when each may be a field that
+is yet to be laid out, and then, when it takes as long whatever their number."""
+VOID = BLOCK + 1
+"""In place of the next in a vehicle's queue, where nothing was drawn from its stream."""
 MANY = 64
 """From this many vehicles on, threads share the work."""
 
@@ -42,8 +45,8 @@ class Fleet:
         self.settings, self.number = settings, number
         self._bank = Bank(number + settings.fields, settings.most)
         flights = np.zeros(number, batch.FLIGHT)
-        flights["outcome"], flights["next"] = NOT_STARTED, BLOCK
-        width = sum(settings.layout.entries().values())
+        flights["outcome"], flights["next"] = NOT_STARTED, VOID
+        values = number * sum(settings.layout.entries().values())
         self._job = batch.Job(
             flights=flights,
             paths=np.zeros((number, settings.segments + 1, 4, 2)),
@@ -54,11 +57,12 @@ class Fleet:
             prices=settings.prices,
             layout=settings.layout,
             mode=mode,
-            seen=np.zeros((number, width), np.float32),
+            seen=np.zeros(values, np.float32),
             reports=np.zeros(number, batch.REPORT),
-            last_seen=np.zeros((number, width), np.float32),
+            last_seen=np.zeros(values, np.float32),
             last_reports=np.zeros(number, batch.REPORT),
         )
+        self._bare = batch.bare(self._job)
         self._given: list[Field | None] = [None] * number
         self._drawn: list[int] = []
         self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
@@ -79,6 +83,7 @@ class Fleet:
         """
         self._bank.make_room(field)
         self._job = self._job._replace(world=self._bank.world)
+        self._bare = batch.bare(self._job)
         self._crew = None  # which works on the job as it was
 
     def begin(
@@ -105,7 +110,7 @@ class Fleet:
             if (field := fields[i]) is not None:
                 laid[i] = field if isinstance(field, Field) else self.settings.field(field)
                 self._bank.check(laid[i])
-        flights["next"][renewed] = BLOCK
+        flights["next"][renewed] = VOID
         drawn = chosen.copy()
         drawn[list(laid)] = False
         self._draw_ahead(drawn, streams)
@@ -116,7 +121,7 @@ class Fleet:
             else:
                 flights["slot"][i] = self._job.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
-        batch.begin(self._job, chosen)
+        batch.begin(self._bare, chosen)
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -127,7 +132,7 @@ class Fleet:
         if (bad := batch.first_bad(actions)) >= 0:
             where = f" (environment {bad})" if self.number > 1 else ""
             check_action(actions[bad], where)
-        if self._job.mode != batch.DISABLED:
+        if self._job.mode != batch.DISABLED and batch.used_up(self._job.flights, BLOCK):
             # before the step, so that one that was interrupted leaves nothing undone
             self._draw_ahead(self._every, streams)
         self._job.actions[:] = actions
@@ -135,7 +140,7 @@ class Fleet:
             if self._crew is None:
                 self._crew = self._hire()
             self._crew.call()
-        batch.advance(self._job, self._counters)
+        batch.advance(self._bare, self._counters)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but threads, which a copy hires anew."""
@@ -143,26 +148,33 @@ class Fleet:
 
     def _hire(self) -> Crew:
         # the threads must not keep the fleet alive
-        job, counters = self._job, self._counters
+        job, counters = self._bare, self._counters
         threads = min(numba.get_num_threads(), self.number // batch.CHUNK)
-        return Crew(lambda: batch.help_out(job, counters, PATIENCE), threads - 1)
+        return Crew(lambda: batch.help_out(job, counters, batch.FROM_BACK, PATIENCE), threads - 1)
 
     def _draw_ahead(self, chosen: Flags, streams: Sequence[np.random.Generator]) -> None:
         """Draw a block of seeds for each chosen vehicle that has used up its own."""
         flights = self._job.flights
         for i in np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist():
-            seeds = streams[i].integers(self.settings.fields, size=BLOCK)
-            for seed in seeds[self._slot_of[seeds] == 0].tolist():
-                if self._slot_of[seed] == 0:
-                    slot = self.number + len(self._drawn)
-                    self._bank.put_discs(slot, self.settings.discs(seed))
-                    self._drawn.append(seed)
-                    self._slot_of[seed] = slot
-            self._job.queue[i], flights["next"][i] = self._slot_of[seeds], 0
+            size = FIRST if flights["next"][i] == VOID else BLOCK
+            seeds = streams[i].integers(self.settings.fields, size=size)
+            slots = self._slot_of[seeds]
+            if not slots.all():
+                self._lay_out(seeds[slots == 0].tolist())
+                slots = self._slot_of[seeds]
+            self._job.queue[i, BLOCK - size :], flights["next"][i] = slots, BLOCK - size
+
+    def _lay_out(self, seeds: list[int]) -> None:
+        for seed in seeds:
+            if self._slot_of[seed] == 0:
+                slot = self.number + len(self._drawn)
+                self._bank.put_discs(slot, self.settings.discs(seed))
+                self._drawn.append(seed)
+                self._slot_of[seed] = slot
 
     @property
     def seen(self) -> Single:
-        """Flat observations (N, n); the next step writes over them."""
+        """Observations (N n,), entry after entry; the next step writes over them."""
         return self._job.seen
 
     @property

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import NamedTuple, TypeAlias
 
 import numpy as np
@@ -9,13 +11,14 @@ from numpy.typing import NDArray
 
 from ferguson_gym.actions import heading, share_of_steepest
 from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
+from ferguson_gym.compilation import compiled, compiled_in_place
 
 Single: TypeAlias = NDArray[np.float32]
 Observation: TypeAlias = dict[str, Single]
 
 VIEW = 30.0
 """Lengths in observations are parts of this [m], two of the longest segments."""
+_SHARE = 1.0 / VIEW
 
 KINDS = ("discs", "rays")
 """What obstacles are seen as: the nearest discs, or ranges along rays (a lidar)."""
@@ -45,12 +48,19 @@ def rays_around(number: int) -> Single:
     return np.array([np.cos(angles), np.sin(angles)], np.float32)
 
 
-def entries_of(flat: Single, layout: Layout) -> Observation:
-    """Copies of the entries of flat observations (*batch, n)."""
+def entries_of(flat: Single, sizes: Mapping[str, int], *number: int) -> Observation:
+    """Views of the entries of N observations, each (N, size), which lie one after the other.
+
+    Args:
+        flat: as `look` fills it.
+        sizes: number of values of each entry, in order.
+        number: N, or nothing for a single observation without that axis.
+    """
     entries, start = {}, 0
-    for key, size in layout.entries().items():
-        entries[key] = flat[..., start : start + size].copy()
-        start += size
+    for key, size in sizes.items():
+        stop = start + size * math.prod(number)
+        entries[key] = flat[start:stop].reshape(*number, size)
+        start = stop
     return entries
 
 
@@ -59,9 +69,11 @@ def _clipped(value: float) -> float:
     return min(max(value, -1.0), 1.0)
 
 
-@compiled
+@compiled_in_place
 def look(
-    row: Single,
+    seen: Single,
+    i: int,
+    number: int,
     layout: Layout,
     position: Array,
     derivative: Array,
@@ -71,12 +83,15 @@ def look(
     columns: Array,
     radii: Array,
     work: Array,
+    found: NDArray[np.int64],
 ) -> None:
-    """Fill a flat observation; the environment's docstring says with what.
+    """Fill in one of N observations; the environment's docstring says with what.
 
     Args:
-        row: where it is written.
-        layout: of it.
+        seen: (N n,) where it is written: of each entry the values of all N, then the next entry.
+        i: which of them it is.
+        number: N.
+        layout: of each.
         position: (2,) [m].
         derivative: (2,) [m per unit t].
         left: segments left, part of all.
@@ -84,77 +99,101 @@ def look(
         bounds: (2, 2) [m].
         columns: (2, M) centres of the discs.
         radii: (M,); rows of padding have a radius of minus infinity.
-        work: scratch (3, M).
+        work: scratch (2, M).
+        found: scratch (M,).
     """
     turn = heading(derivative[0], derivative[1])
     cos, sin = turn.real, turn.imag
     x, y = goal[0] - position[0], goal[1] - position[1]
     distance = np.sqrt(x * x + y * y)
     diagonal = np.sqrt((bounds[1, 0] - bounds[0, 0]) ** 2 + (bounds[1, 1] - bounds[0, 1]) ** 2)
+    row = seen[3 * i : 3 * i + 3]
     row[0] = _clipped(distance / diagonal)
     row[1] = _clipped((cos * x + sin * y) / distance) if distance > 0.0 else 1.0
     row[2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
 
-    rays = layout.ways.shape[1]
+    rays, nearest = layout.ways.shape[1], layout.nearest
+    rest = seen[3 * number :]
     if rays > 0:
-        own = 3 + rays
-        _ranges(row[3:own], layout.ways, position, turn, bounds, columns, radii)
+        ranges = rest[rays * i : rays * (i + 1)]
+        _ranges(ranges, layout.ways, position, turn, bounds, columns, radii, work, found)
+        rest = rest[rays * number :]
     else:
-        own = 3 + 5 * layout.nearest
-        _nearest(row[3:own], layout, position, cos, sin, columns, radii, work)
+        mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
+        rows = rest[4 * nearest * i : 4 * nearest * (i + 1)]
+        _nearest(mask, rows, layout.focus, position, cos, sin, columns, radii, work, found)
+        rest = rest[4 * nearest * number :]
 
+    row = rest[6 * i : 6 * i + 6]
     for d in range(2):
         low, high = bounds[0, d], bounds[1, d]
-        row[own + d] = _clipped(2.0 * (position[d] - low) / (high - low) - 1.0)
-    row[own + 2] = _clipped(cos)
-    row[own + 3] = _clipped(sin)
+        row[d] = _clipped(2.0 * (position[d] - low) / (high - low) - 1.0)
+    row[2] = _clipped(cos)
+    row[3] = _clipped(sin)
     speed = np.sqrt(derivative[0] ** 2 + derivative[1] ** 2)
-    row[own + 4] = _clipped(share_of_steepest(speed))
-    row[own + 5] = left
+    row[4] = _clipped(share_of_steepest(speed))
+    row[5] = left
 
 
-@compiled
+@compiled_in_place
+def _within_view(
+    x: float, y: float, columns: Array, radii: Array, spare: Array, found: NDArray[np.int64]
+) -> int:
+    """Fill `found` with the discs whose surface is within VIEW of a point; their number."""
+    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
+        along, across = columns[0, k] - x, columns[1, k] - y
+        wide = radii[k] + VIEW
+        wide = wide if wide > 0.0 else 0.0
+        spare[k] = wide * wide - (along * along + across * across)
+    number = 0
+    for k in range(len(radii)):  # without a branch, which no processor could predict
+        found[number] = k
+        number += spare[k] > 0.0
+    return number
+
+
+@compiled_in_place
 def _nearest(
-    part: Single,
-    layout: Layout,
+    mask: Single,
+    rows: Single,
+    focus: float,
     position: Array,
     cos: float,
     sin: float,
     columns: Array,
     radii: Array,
     work: Array,
+    found: NDArray[np.int64],
 ) -> None:
     """Fill mask (K,) and obstacles (4 K,): discs within VIEW, nearest to the focus first."""
-    number, discs = layout.nearest, len(radii)
-    mask, rows = part[:number], part[number:]
-    distance, near, disc = work[0], work[1], work[2]
-    x, y = position[0] + layout.focus * cos, position[1] + layout.focus * sin
-    for k in range(discs):
+    near = work[1]
+    x, y = position[0] + focus * cos, position[1] + focus * sin
+    seen = _within_view(x, y, columns, radii, work[0], found)
+    for m in range(seen):
+        k = found[m]
         along, across = columns[0, k] - x, columns[1, k] - y
-        distance[k] = np.sqrt(along * along + across * across) - radii[k]
-    seen = 0
-    for k in range(discs):  # without a branch, which no processor could predict
-        near[seen], disc[seen] = distance[k], k
-        seen += distance[k] < VIEW
-    for j in range(len(part)):
-        part[j] = 0.0
+        near[m] = np.sqrt(along * along + across * across) - radii[k]
+    for j in range(len(mask)):
+        mask[j] = 0.0
+    for j in range(len(rows)):
+        rows[j] = 0.0
     for m in range(seen):
         j = 0
         for other in range(seen):
             j += near[other] < near[m]
-        while j < number and mask[j] > 0.0:  # taken by one at the same distance
+        while j < len(mask) and mask[j] > 0.0:  # taken by one at the same distance
             j += 1
-        if j < number:
-            k = int(disc[m])
+        if j < len(mask):
+            k = found[m]
             x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-            rows[4 * j] = _clipped((cos * x + sin * y) / VIEW)
-            rows[4 * j + 1] = _clipped((cos * y - sin * x) / VIEW)
-            rows[4 * j + 2] = _clipped(radii[k] / VIEW)
-            rows[4 * j + 3] = _clipped((np.sqrt(x * x + y * y) - radii[k]) / VIEW)
+            rows[4 * j] = _clipped((cos * x + sin * y) * _SHARE)
+            rows[4 * j + 1] = _clipped((cos * y - sin * x) * _SHARE)
+            rows[4 * j + 2] = _clipped(radii[k] * _SHARE)
+            rows[4 * j + 3] = _clipped((np.sqrt(x * x + y * y) - radii[k]) * _SHARE)
             mask[j] = 1.0
 
 
-@compiled
+@compiled_in_place
 def _ranges(
     ranges: Single,
     ways: Single,
@@ -163,6 +202,8 @@ def _ranges(
     bounds: Array,
     columns: Array,
     radii: Array,
+    work: Array,
+    found: NDArray[np.int64],
 ) -> None:
     """Fill ranges (R,) to the nearest disc or bound along ways (2, R) in the vehicle's frame.
 
@@ -185,10 +226,9 @@ def _ranges(
         reach = along if along < across else across
         reach = reach if reach < view else view
         ranges[j] = reach if reach > none else none
-    for k in range(len(radii)):
+    for m in range(_within_view(position[0], position[1], columns, radii, work[0], found)):
+        k = found[m]
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-        if not radii[k] > 0.0 or x * x + y * y >= (VIEW + radii[k]) ** 2:
-            continue
         ahead = np.float32(turn.real * x + turn.imag * y)
         left = np.float32(turn.real * y - turn.imag * x)
         # (r - a)(r + a), not r^2 - a^2, which would have no digits left for a wall of a disc

@@ -9,13 +9,13 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym.arc_length import DEPTH as PIECES
 from ferguson_gym.arc_length import NODES
 from ferguson_gym.arrays import Array
 from ferguson_gym.bernstein import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
-from ferguson_gym.compilation import compiled, compiled_in_place
-from ferguson_gym.crew import borrowed
+from ferguson_gym.compilation import borrowed, compiled, compiled_in_place
 from ferguson_gym.splines import coordinate_extent
 
 _MARGIN = 2e-10
@@ -32,6 +32,7 @@ class Scratch(NamedTuple):
     axes: Rows
     chord: Array
     work: Array
+    found: NDArray[np.int64]
     points: Array
     stack: Array
     spans: Array
@@ -48,7 +49,8 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
     return Scratch(
         axes,
         np.empty((2, dimension)),
-        np.empty((3, discs)),
+        np.empty((2, discs)),
+        np.empty(discs, np.int64),
         np.empty((4, dimension)),
         np.empty((DEPTH, 4, dimension)),
         np.empty((DEPTH, 2)),
@@ -61,11 +63,12 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
 
 @compiled
 def borrowed_scratch(scratch: Scratch) -> Scratch:
-    """The same memory, without its owner; see `ferguson_gym.crew.borrowed`."""
+    """The same memory, without its owner; see `ferguson_gym.compilation.borrowed`."""
     return Scratch(
         scratch.axes,
         borrowed(scratch.chord),
         borrowed(scratch.work),
+        borrowed(scratch.found),
         borrowed(scratch.points),
         borrowed(scratch.stack),
         borrowed(scratch.spans),
@@ -159,28 +162,49 @@ def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
 
 
 @compiled_in_place
-def _bounds(columns: Array, radii: Array, square: float, reach: float, scratch: Scratch) -> int:
-    """Fill work[0] with lower bounds of the distances to discs; return where it is least."""
-    chord, axes, bounds = scratch.chord, scratch.axes, scratch.work[0]
-    inverse = 1.0 / square if square > 0.0 else 0.0
-    for k in range(len(radii)):  # without branches: it becomes vector instructions
-        along = 0.0
-        for d in range(len(axes)):
-            along += (columns[d, k] - chord[0, d]) * chord[1, d]
-        share = along * inverse
-        share = share if share > 0.0 else 0.0
-        share = share if share < 1.0 else 1.0
+def _near(columns: Array, radii: Array, best: float, around: float, scratch: Scratch) -> int:
+    """Fill `found` with the discs within `best` of a circle that holds a segment; their number.
+
+    Args:
+        columns: (D, n) centres of the discs.
+        radii: (n,).
+        best: distance [m].
+        around: radius of the circle around the chord's middle, and margins [m].
+        scratch: memory, and the chord.
+    """
+    chord, axes, spare, found = scratch.chord, scratch.axes, scratch.work[0], scratch.found
+    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
         off2 = 0.0
         for d in range(len(axes)):
-            off = columns[d, k] - chord[0, d] - share * chord[1, d]
+            off = columns[d, k] - (chord[0, d] + 0.5 * chord[1, d])
             off2 += off * off
-        # the distance's own share of the outward margin is taken off, the rest is in reach
-        bounds[k] = np.sqrt(off2) * (1.0 - 4.0 * _MARGIN) - radii[k] - reach
-    least = 0
-    for k in range(1, len(radii)):
-        if bounds[k] < bounds[least]:
-            least = k
-    return least
+        wide = best + radii[k] + around
+        wide = wide if wide > 0.0 else 0.0
+        # the distance's own share of the outward margin is taken off, the rest is in `around`
+        spare[k] = wide * wide - off2 * (1.0 - 8.0 * _MARGIN)
+    number = 0
+    for k in range(len(radii)):
+        found[number] = k
+        number += not spare[k] <= 0.0
+    return number
+
+
+@compiled_in_place
+def _bound(
+    columns: Array, radii: Array, k: int, inverse: float, reach: float, scratch: Scratch
+) -> float:
+    """Lower bound of a segment's distance to disc k."""
+    chord, axes = scratch.chord, scratch.axes
+    along = 0.0
+    for d in range(len(axes)):
+        along += (columns[d, k] - chord[0, d]) * chord[1, d]
+    share = min(max(along * inverse, 0.0), 1.0)
+    off2 = 0.0
+    for d in range(len(axes)):
+        off = columns[d, k] - chord[0, d] - share * chord[1, d]
+        off2 += off * off
+    bound: float = np.sqrt(off2) * (1.0 - 4.0 * _MARGIN) - radii[k] - reach
+    return bound
 
 
 @compiled_in_place
@@ -196,23 +220,28 @@ def segment_clearance(
         below: what is not below this need not be found.
         scratch: for n discs or more.
     """
-    best = below
-    if len(radii) == 0:
-        return best
     square, deviation = _chord(control, scratch)
+    chord = float(np.sqrt(square))
     largest = 0.0
     for i in range(4):
         for d in range(len(scratch.axes)):
             largest = max(largest, abs(control[i, d]))
-    around = deviation + float(np.sqrt(square))
+    around = deviation + chord
     reach = deviation + 4.0 * _margin(around, largest + around)
+    best = below
+    number = _near(columns, radii, best, 0.5 * chord + reach, scratch)
     # first the disc that seems nearest: what it leaves rules out most others unseen
-    bounds = scratch.work[0]
-    nearest = _bounds(columns, radii, square, reach, scratch)
-    for turn in range(len(radii) + 1):
-        k = nearest if turn == 0 else turn - 1
-        if bounds[k] < best and (turn == 0 or k != nearest):
-            best = _nearer(control, columns, radii, k, best, scratch)
+    found, bounds = scratch.found, scratch.work[0]
+    inverse = 1.0 / square if square > 0.0 else 0.0
+    nearest = 0
+    for m in range(number):
+        bounds[m] = _bound(columns, radii, found[m], inverse, reach, scratch)
+        if bounds[m] < bounds[nearest]:
+            nearest = m
+    for turn in range(number + 1):
+        m = nearest if turn == 0 else turn - 1
+        if m < number and bounds[m] < best and (turn == 0 or m != nearest):
+            best = _nearer(control, columns, radii, found[m], best, scratch)
         elif turn == 0:
             break
     return best
@@ -267,15 +296,25 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
 
 
 @compiled_in_place
-def segment_room(control: Array, bounds: Array) -> float:
-    """Least distance of one segment (4, D) inside the bounds (2, D) [m]."""
-    room = np.inf
+def segment_room(control: Array, bounds: Array, enough: float) -> float:
+    """Least distance of one segment (4, D) inside the bounds (2, D) [m].
+
+    At least `enough` is proof enough: then it may be that of the control polygon, which is less.
+    """
+    room = ahead = np.inf
     largest = 0.0
+    for d in range(control.shape[1]):
+        start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
+        one, other = start + leave / 3.0, end - arrive / 3.0
+        low, high = min(start, end, one, other), max(start, end, one, other)
+        ahead = min(ahead, low - bounds[0, d], bounds[1, d] - high)
+        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
+    if ahead - _ROUNDING * largest >= enough:
+        return ahead - _ROUNDING * largest
     for d in range(control.shape[1]):
         start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
         low, high = coordinate_extent(start, end, leave, arrive)
         room = min(room, low - bounds[0, d], bounds[1, d] - high)
-        largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
     return room - _ROUNDING * largest
 
 
@@ -328,5 +367,5 @@ def rooms(control: Array, bounds: Array) -> Array:
     """Least distance inside the bounds (segments,)."""
     result = np.empty(len(control))
     for s in range(len(control)):
-        result[s] = segment_room(control[s], bounds)
+        result[s] = segment_room(control[s], bounds, np.inf)
     return result

@@ -104,7 +104,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._fleet = Fleet(self.settings, num_envs, _MODES[self.autoreset_mode])
-        self._layout = self.settings.layout
+        self._sizes = self.settings.layout.entries()
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []
         self._seeds: list[int] = []
@@ -250,7 +250,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return self._seen(), reports["reward"].copy(), terminated, truncated, infos
 
     def _seen(self) -> Observation:
-        return entries_of(self._fleet.seen, self._layout)
+        return entries_of(self._fleet.seen.copy(), self._sizes, self.num_envs)
 
     def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
         infos: dict[str, Any] = {}
@@ -259,7 +259,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return infos
 
     def _final(self, flat: Single, reports: Records, ended: Flags) -> dict[str, Any]:
-        seen = entries_of(flat, self._layout)
+        seen = entries_of(flat.copy(), self._sizes, self.num_envs)
         observations = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended).tolist():
             observations[i] = {key: value[i] for key, value in seen.items()}

@@ -83,6 +83,25 @@ def test_length_in_one_dimension_is_total_variation(control, scale):
     assert abs(length(scale * control) / scale - variation) <= RELATIVE * variation + rounding
 
 
+@pytest.mark.parametrize("dimension", [1, 2, 3])
+@pytest.mark.parametrize("part", [0.39, 0.41, 0.94, 0.949, 0.951, 1.2])
+def test_length_is_accurate_up_to_the_edge_of_what_is_measured_in_one_piece(part, dimension):
+    # X' = a + b s + c s^2, s in [-1, 1], comes as near to zero as the edge lets it
+    stream, reach = np.random.default_rng(dimension), (2.2 + 1 / 2.2) / 2
+    nodes, weights = np.polynomial.legendre.leggauss(300)
+    for share in (0.0, 0.5, 1.0):
+        for _ in range(40):
+            a, b, c = (way / np.linalg.norm(way) for way in stream.normal(size=(3, dimension)))
+            if stream.random() < 0.5:
+                b, c = -a, -a
+            b, c = b * part * share / reach, c * part * (1.0 - share) / reach**2
+            s = nodes[:, None]
+            speed = np.linalg.norm(a + b * s + c * s**2, axis=-1)
+            rows = [Polynomial(row) for row in np.stack([a, b, c], axis=-1)]
+            control = from_slopes(*(row(Polynomial([-1.0, 2.0])) for row in rows))
+            assert length(control) == pytest.approx(0.5 * (weights @ speed), rel=RELATIVE)
+
+
 @pytest.mark.parametrize("scale", SCALES)
 @pytest.mark.parametrize("narrow", [1.0, 0.3, 0.1, 0.03, 0.01, 1e-4, 1e-8, 1e-12])
 @pytest.mark.parametrize("turn", [0.5, 0.3, 0.0, 1.0, -0.003, -0.03, 1.1, 1.5])

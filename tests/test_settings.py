@@ -13,7 +13,7 @@ import pytest
 from ferguson_gym.actions import encode
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
-from ferguson_gym.fleet import BLOCK
+from ferguson_gym.fleet import BLOCK, FIRST
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.settings import MOST_FIELDS, MOST_OBSTACLES, Settings
@@ -154,15 +154,15 @@ def test_only_fields_that_are_drawn_are_made_and_each_once(
     envs.reset(seed=0)
     # the two that were asked for; a block of others when the first of them is flown
     assert made == [0, 1]
-    for _ in range(BLOCK):
+    for _ in range(FIRST):
         envs.reset()
-        assert len(made) == 2 + 2 * BLOCK
+        assert len(made) == 2 + 2 * FIRST
     envs.reset()
-    assert 2 + 2 * BLOCK < len(made) <= 2 + 4 * BLOCK
+    assert 2 + 2 * FIRST < len(made) <= 2 + 2 * (FIRST + BLOCK)
     assert max(made) > MOST_FIELDS / 2
     made.clear()
     envs = VectorObstacleField(5, fields=7)
-    for _ in range(3 * BLOCK):
+    for _ in range(2 * FIRST):
         envs.reset()
     assert sorted(made) == list(range(7))
 

@@ -33,9 +33,9 @@ def compiled() -> None:
     """Compile what helpers run, so that no test waits for that."""
     envs = VectorObstacleField(70, fields=1)
     envs.reset(seed=0)
-    job = envs._fleet._job
+    job = envs._fleet._bare
     batch.advance(job, new_counters())
-    batch.help_out(job, new_counters(), 0)
+    batch.help_out(job, new_counters(), batch.FROM_BACK, 0)
 
 
 def flown(number: int, seed: int = 0, **arguments: Any) -> bytes:
@@ -110,7 +110,7 @@ def test_every_vehicle_is_stepped_once_a_step(
     monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
     monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
-    number = 5 * batch.CHUNK + 3
+    number = 9 * batch.CHUNK + 3
     envs = VectorObstacleField(number, autoreset_mode="Disabled", fields=1, obstacles=0)
     still = np.zeros((number, 4), np.float32)
     for _ in range(150):
@@ -157,7 +157,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     pieces = number // batch.CHUNK
     envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=20)
     envs.reset(seed=0)
-    job, counters = envs._fleet._job, new_counters()
+    job, counters = envs._fleet._bare, new_counters()
     late, done = [0], new_counters()
 
     def help_late() -> None:
@@ -169,9 +169,9 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     claim(np.zeros(2, np.int64), pieces), report_done(done)  # compiled before it matters
     for _ in range(100):
         before, helper = late[0], threading.Thread(target=help_late)
+        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         helper.start()
         batch.advance(job, counters)
-        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         waited = late[0] > before
         helper.join()
         assert waited == (late[0] > before)

@@ -168,7 +168,7 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
         env.np_random.bit_generator.state for env in theirs.envs
     ]
     # more resets than seeds are drawn at a time
-    for _ in range(2 * fleet.BLOCK):
+    for _ in range(fleet.FIRST + fleet.BLOCK + 1):
         mine.reset()
         theirs.reset()
     assert_same_flights(mine, theirs)
@@ -186,12 +186,15 @@ def test_a_seed_begins_the_same_draws_anew() -> None:
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("resets", [fleet.BLOCK + k for k in (-2, -1, 0, 1)])
-def test_an_autoreset_takes_the_field_that_a_reset_would(mode: AutoresetMode, resets: int) -> None:
+@pytest.mark.parametrize("drawn", [fleet.FIRST, fleet.FIRST + fleet.BLOCK])
+@pytest.mark.parametrize("more", [-2, -1, 0, 1])
+def test_an_autoreset_takes_the_field_that_a_reset_would(
+    mode: AutoresetMode, drawn: int, more: int
+) -> None:
     envs, scalar = VectorObstacleField(1, mode), ObstacleField()
     for one in (envs, scalar):
         one.reset(seed=2)
-        for _ in range(resets):
+        for _ in range(drawn + more):
             one.reset()
     back = np.array([[-1.0, 0.0, 0.0, 0.0]], np.float32)
     for _ in range(4):
