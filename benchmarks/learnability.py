@@ -56,8 +56,7 @@ REFINING: dict[str, Any] = {
     "gae_lambda": 0.95,
     "ent_coef": 1e-3,
 }
-"""The learner's second phase, when `FIRST_SHARE` of the time is over."""
-FIRST_SHARE = 0.1
+"""The learner's later phases."""
 POLICY: dict[str, Any] = {"net_arch": {"pi": [256, 256], "vf": [256, 256]}, "log_std_init": -1.5}
 
 Change = Callable[[Any], Any]
@@ -199,6 +198,30 @@ VARIANTS: dict[str, Variant] = {
 
 
 @dataclass(frozen=True, kw_only=True)
+class Phase:
+    """A part of a training."""
+
+    until: float
+    """Its end, part of the time."""
+    variant: Variant
+
+
+PHASES = (
+    Phase(until=0.1, variant=Variant(learner={"ent_coef": 2e-3}, **CATEGORIES)),
+    *(
+        Phase(
+            until=until,
+            variant=Variant(
+                environment={"failure": failure, "detour": 6.0}, learner=REFINING, **CATEGORIES
+            ),
+        )
+        for until, failure in ((0.6, 4.0), (1.0, 8.0))
+    ),
+)
+"""Failure grows dearer as flights grow shorter."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Score:
     """Of deterministic flights; SPL is the mean of success x shortest / max(flown, shortest)."""
 
@@ -241,22 +264,33 @@ def fly(model: PPO, variant: Variant, fields: str) -> Score:
 
 
 class Watch(BaseCallback):
-    """Evaluates now and then, keeps the best policy, and stops after so many seconds."""
+    """Evaluates now and then, keeps the best policy, and stops after so many seconds.
+
+    Goes on from the curve that lies in its directory, if one does.
+    """
 
     def __init__(self, variant: Variant, every: int, seconds: float, out: Path) -> None:
         super().__init__()
-        self.curve: list[dict[str, Any]] = []
-        self._variant, self._every, self._seconds, self._out = variant, every, seconds, out
-        self._began, self._before = time.monotonic(), 0
         out.mkdir(parents=True, exist_ok=True)
+        known = out / "curve.json"
+        self.curve: list[dict[str, Any]] = json.loads(known.read_text()) if known.exists() else []
+        self._variant, self._every, self._seconds, self._out = variant, every, seconds, out
+        last = self.curve[-1] if self.curve else {"minutes": 0.0, "steps": 0}
+        self._began, self._before = time.monotonic() - 60.0 * last["minutes"], last["steps"]
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since training began, breaks left out."""
+        return time.monotonic() - self._began
 
     def go_on(self, variant: Variant, seconds: float) -> None:
         """Watch the next phase, until so many seconds after the beginning of the first."""
         self._variant, self._seconds = variant, seconds
         self._before += self.num_timesteps
+        self.num_timesteps = 0
 
     def _on_step(self) -> bool:
-        return time.monotonic() - self._began < self._seconds
+        return self.elapsed < self._seconds
 
     def _on_rollout_end(self) -> None:
         steps = self._before + self.num_timesteps
@@ -265,7 +299,7 @@ class Watch(BaseCallback):
         score = fly(self.model, self._variant, CHOSEN_ON)
         if score.spl > max((point["spl"] for point in self.curve), default=-1.0):
             self.model.save(self._out / "best.zip")
-        minutes = (time.monotonic() - self._began) / 60.0
+        minutes = self.elapsed / 60.0
         self.curve.append({"steps": steps, "minutes": minutes, **vars(score)})
         (self._out / "curve.json").write_text(json.dumps(self.curve, indent=1) + "\n")
         print(
@@ -335,24 +369,24 @@ def study(steps: int, seeds: int, out: Path) -> None:
 
 
 def train(minutes: float, seed: int, out: Path) -> None:
-    """Train the chosen settings, then refine: dearer detours and failure, larger batches.
+    """Train through the phases; each begins with the best policy so far.
 
     With the dearer failure from the beginning, policies learn to fly around the field.
     """
-    seconds, first = 60.0 * minutes, Variant(learner={"ent_coef": 2e-3}, **CATEGORIES)
-    second = Variant(environment={"failure": 4.0, "detour": 6.0}, learner=REFINING, **CATEGORIES)
-    watch = Watch(first, 500_000, FIRST_SHARE * seconds, out)
-    model = learn(first, seed, 10**9, watch)
-    began = time.monotonic()
+    seconds, best = 60.0 * minutes, out / "best.zip"
+    watch = Watch(PHASES[0].variant, 500_000, 0.0, out)
 
     def rate(_: float) -> float:
-        left = 1.0 - (time.monotonic() - began) / ((1.0 - FIRST_SHARE) * seconds)
+        left = (1.0 - watch.elapsed / seconds) / (1.0 - PHASES[0].until)
         return float(REFINING["learning_rate"] * max(left, 0.02))
 
-    watch.go_on(second, seconds)
-    learn(second, seed + 1, 10**9, watch, model.policy.state_dict(), rate)
-    best = PPO.load(out / "best.zip", device="cpu")
-    score = fly(best, second, REPORTED_ON)
+    for number, phase in enumerate(PHASES):
+        if watch.elapsed >= phase.until * seconds:
+            continue
+        watch.go_on(phase.variant, phase.until * seconds)
+        weights = PPO.load(best, device="cpu").policy.state_dict() if best.exists() else None
+        learn(phase.variant, seed + number, 10**9, watch, weights, rate if number else None)
+    score = fly(PPO.load(best, device="cpu"), PHASES[-1].variant, REPORTED_ON)
     (out / "score.json").write_text(json.dumps(vars(score), indent=1) + "\n")
     print(
         f"{watch.curve[-1]['steps']} steps in {minutes:g} minutes; on {REPORTED_ON}: SPL "
