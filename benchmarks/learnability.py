@@ -30,6 +30,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from agents.vec_env import ObstacleFieldVecEnv
 from ferguson_gym.actions import decode, encode
 from ferguson_gym.catalog import select
+from ferguson_gym.files import written_whole
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.vector_environment import VectorObstacleField
 from planners.shortest import exact_length
@@ -37,6 +38,8 @@ from planners.shortest import exact_length
 ENVIRONMENTS = 256
 CHOSEN: dict[str, Any] = {"observation": "rays"}
 """Arguments of the environment, where a variant does not say otherwise."""
+EVERY = 500_000
+"""Steps between evaluations of a training."""
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
 
 LEARNER: dict[str, Any] = {
@@ -298,10 +301,12 @@ class Watch(BaseCallback):
             return
         score = fly(self.model, self._variant, CHOSEN_ON)
         if score.spl > max((point["spl"] for point in self.curve), default=-1.0):
-            self.model.save(self._out / "best.zip")
+            with written_whole(self._out / "best.zip") as temporary:
+                self.model.save(temporary)
         minutes = self.elapsed / 60.0
         self.curve.append({"steps": steps, "minutes": minutes, **vars(score)})
-        (self._out / "curve.json").write_text(json.dumps(self.curve, indent=1) + "\n")
+        with written_whole(self._out / "curve.json") as temporary:
+            temporary.write_text(json.dumps(self.curve, indent=1) + "\n")
         print(
             f"{steps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "
             f"success {score.success:.3f}   {score.length:.1f} m",
@@ -374,10 +379,11 @@ def train(minutes: float, seed: int, out: Path) -> None:
     With the dearer failure from the beginning, policies learn to fly around the field.
     """
     seconds, best = 60.0 * minutes, out / "best.zip"
-    watch = Watch(PHASES[0].variant, 500_000, 0.0, out)
+    watch = Watch(PHASES[0].variant, EVERY, 0.0, out)
+    end = time.monotonic() - watch.elapsed + seconds  # a number alone: models are saved with it
 
     def rate(_: float) -> float:
-        left = (1.0 - watch.elapsed / seconds) / (1.0 - PHASES[0].until)
+        left = (end - time.monotonic()) / ((1.0 - PHASES[0].until) * seconds)
         return float(REFINING["learning_rate"] * max(left, 0.02))
 
     for number, phase in enumerate(PHASES):
