@@ -29,7 +29,7 @@ from ferguson_gym.splines import evaluate
 from planners.distance import DistanceToGo
 
 SIZE = 720
-"""Pixels along the longer side of the field."""
+"""Pixels along the longer side of the field; a narrow one still has room for the line below."""
 _DPI = 112
 _FRAME, _CAPTION = 8, 28
 """Pixels around the field, and of the line below it."""
@@ -47,14 +47,19 @@ _T = np.linspace(0.0, 1.0, 60)
 
 
 class Painter:
-    """Paints shots of one field; what does not change is painted once."""
+    """Paints shots of one field; what does not change is painted once.
+
+    Under the shot lie the obstacles, bands of equal distance to the goal and the shortest path,
+    the latter two among discs in the plane only. From the end of a plan the shortest way on is
+    dotted.
+    """
 
     def __init__(self, field: Field, title: str) -> None:
         title = title if len(title) <= _TITLE else title[: _TITLE - 1] + "\N{HORIZONTAL ELLIPSIS}"
         self._field = field
         low, high = field.bounds
         extent = (high - low) / (high - low).max()
-        width, height = np.maximum(SIZE * extent, (0.9 * SIZE, 0.4 * SIZE)).round()
+        width, height = np.maximum(SIZE * extent, (0.9 * SIZE, 0.1 * SIZE)).round()
         wide, tall = width + 2 * _FRAME, height + 2 * _FRAME + _CAPTION
         self._figure = Figure(figsize=(wide / _DPI, tall / _DPI), dpi=_DPI)
         self._canvas = cast(Any, FigureCanvasAgg(self._figure))

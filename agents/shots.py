@@ -16,7 +16,7 @@ from ferguson_gym.splines import derivative, evaluate
 OPENING, MOVE, END = 1.2, 0.05, 4.0
 """Seconds that a frame is shown: before the flight, on the move, at the end."""
 THOUGHT, THOUGHTS = 0.35, 12.0
-"""Seconds of a search, and as long again of its result; and of all of them, at most, about."""
+"""Seconds that a search is shown, and as long again its result; and all of them, at most."""
 STRIDE = 1.5
 """Least way between two frames on the move [m]."""
 MOVES = 100
