@@ -1,4 +1,4 @@
-"""The program `ferguson`: plan a field, evaluate policies.
+"""The program `ferguson`: plan a field, evaluate policies, show a flight.
 
 Exit status 0: done; 1: `plan` found no path; 2: bad input, one line on standard error.
 """
@@ -125,6 +125,22 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluate.set_defaults(prepare=_prepare_evaluate)
 
+    animate = commands.add_parser(
+        "animate",
+        help="show a flight as it is decided, a GIF",
+        description=(
+            "Fly a policy through one field and write a GIF: in each window the first guesses, "
+            "the plan that came of them, what it sees and the way left behind it, then the "
+            "segment that is flown."
+        ),
+        epilog="example: ferguson animate paper:3 --policy guided --out flight.gif",
+    )
+    animate.add_argument("field", metavar="FIELD", help="for example paper:1 or my_field.json")
+    animate.add_argument("--policy", required=True, metavar="NAME", help=f"one of {names}")
+    animate.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .gif")
+    animate.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
+    animate.set_defaults(prepare=_prepare_animate)
+
     bench = commands.add_parser("bench", help="measure things side by side in one run")
     bench_commands.add_to(bench)
     return parser
@@ -171,6 +187,33 @@ def _prepare_evaluate(options: argparse.Namespace) -> Job:
 
     def job() -> int:
         evaluation.evaluate(options.policy, fields, options.seeds, options.out, options.workers)
+        return DONE
+
+    return job
+
+
+def _prepare_animate(options: argparse.Namespace) -> Job:
+    from agents.animation import animate
+    from agents.flights import fly_by_name
+    from agents.gif import SUFFIX
+    from agents.pictures import check_target
+    from agents.policies import make_policy
+    from agents.progress import still_bar
+
+    make_policy(options.policy)  # refuses unknown names
+    field = one(options.field)
+    depart(field)
+    check_target(options.out, "animation", [SUFFIX])
+
+    def job() -> int:
+        flight = fly_by_name(options.policy, field, options.seed)
+        with still_bar() as progress:
+            frames = animate(flight, options.out, progress)
+        print(
+            f"{flight.policy} on {field.name}, seed {flight.seed}: {flight.outcome.sentence}, "
+            f"{len(flight.control)} segments, {flight.length:.4f} m"
+        )
+        print(f"wrote {frames} frames to {options.out}")
         return DONE
 
     return job

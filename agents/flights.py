@@ -14,6 +14,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
 from planners.interface import Decision
+from planners.routes import Route
 from planners.shortest import exact_length, gap
 
 
@@ -38,6 +39,8 @@ class Flight:
     """Time to choose each action."""
     decisions: list[Decision]
     """What a planner decided; empty for policies that are none."""
+    route: Route | None = None
+    """What a planner of whole paths found before segments were fitted to it."""
 
     @property
     def success(self) -> bool:
@@ -100,6 +103,7 @@ def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
         seconds=time.perf_counter() - began,
         decision_seconds=decision_seconds,
         decisions=list(getattr(policy, "decisions", [])),
+        route=getattr(policy, "route", None),
     )
 
 

@@ -28,18 +28,18 @@ _ABANDONED = 0.5
 """Distance [m] of a horizon's end from the flight beyond which it was not followed."""
 
 
-def check_target(path: Path) -> None:
-    """Check that a picture can be written there.
+def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SUFFIXES) -> None:
+    """Check that a picture, or another thing of these suffixes, can be written there.
 
     Raises:
         ValueError: an unknown format, a directory, or one that does not exist.
     """
-    if path.suffix.lower() not in SUFFIXES:
-        raise ValueError(f"pictures are written as {', '.join(SUFFIXES)}, not {path.name!r}")
+    if path.suffix.lower() not in suffixes:
+        raise ValueError(f"{what}s are written as {', '.join(suffixes)}, not {path.name!r}")
     if path.is_dir():
-        raise ValueError(f"the picture {path} is a directory")
+        raise ValueError(f"the {what} {path} is a directory")
     if not path.parent.is_dir():
-        raise ValueError(f"no such directory for the picture: {path.parent}")
+        raise ValueError(f"no such directory for the {what}: {path.parent}")
 
 
 def picture_of(policy: str) -> str:

@@ -12,13 +12,12 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 from rich.text import Text
 
 from agents import machine, metrics, ompl_log, planner_pictures, results, tables
 from agents.planner_runs import FALSE_SUCCESS, Run, runs
+from agents.progress import still_bar
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
 
@@ -84,21 +83,9 @@ def bench(request: Request, out: Path) -> list[Run]:
 
 
 def _run(request: Request) -> list[Run]:
-    console = Console(stderr=True)
-    # it is drawn between plans only: a thread that draws would be timed, too
-    progress = Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=console,
-        auto_refresh=False,
-        transient=True,
-        disable=not console.is_terminal,
-    )
     finished: list[Run] = []
     number = len(request.planners) * len(request.fields) * len(request.seeds)
-    with progress:
+    with still_bar() as progress:
         task = progress.add_task("plans", total=number)
         for run in runs(
             request.planners, request.seconds, request.fields, request.seeds, request.workers

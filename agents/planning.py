@@ -47,6 +47,7 @@ class Report:
             seconds=self.wall_seconds,
             decision_seconds=plan.step_seconds,
             decisions=list(plan.decisions),
+            route=plan.route,
         )
 
     def to_json(self) -> str:

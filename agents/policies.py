@@ -10,6 +10,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
 from planners.catalog import PLANNERS, make
 from planners.interface import Decision, Plan, Planner, Replanner, State, depart
+from planners.routes import Route
 
 
 class Policy(Protocol):
@@ -27,10 +28,14 @@ class Expert(Policy, Protocol):
 
     decisions: list[Decision]
     """Decisions of this flight so far."""
+    route: Route | None
+    """Where its plan came from, if it plans the whole path at once and has planned."""
 
 
 class Replanning:
     """A planner that decides anew at each step, from the state that was flown."""
+
+    route: Route | None = None
 
     def __init__(self, planner: Replanner) -> None:
         self._planner = planner
@@ -58,19 +63,20 @@ class Tracking:
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
         self.decisions: list[Decision] = []
+        self.route: Route | None = None
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
         self._field, self._seed = field, seed
         self._plan: Plan | None = None
-        self.decisions = []
+        self.decisions, self.route = [], None
 
     def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
         """The action that flies the plan's next segment; plans at the first call."""
         if self._plan is None:
             self._first = vehicle.segments
             self._plan = self._planner.plan(self._field, State(vehicle), self._seed)
-            self.decisions = list(self._plan.decisions)
+            self.decisions, self.route = list(self._plan.decisions), self._plan.route
         step = vehicle.segments - self._first
         if step >= len(self._plan.control):
             return None

@@ -12,11 +12,13 @@ from matplotlib.patches import Circle
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.obstacles import Discs, Obstacles
 from ferguson_gym.splines import evaluate
 
 OBSTACLE = "#c9ced6"
 OBSTACLE_EDGE = "#8d96a3"
+SEEN = "#a7b1be"
+"""An obstacle that a plan looks at."""
 SEGMENTS = ("#0b5fa5", "#e07b00")
 """Alternating colours of the segments of a path."""
 HORIZON = "#8e44ad"
@@ -34,15 +36,20 @@ def draw_field(axes: Axes, field: Field) -> None:
     axes.tick_params(labelsize=7, length=2.5, color=OBSTACLE_EDGE)
     for spine in axes.spines.values():
         spine.set_color(OBSTACLE_EDGE)
-    if isinstance(field.obstacles, Discs):
-        circles = [
-            Circle((float(x), float(y)), float(r))
-            for (x, y), r in zip(field.obstacles.centers, field.obstacles.radii, strict=True)
-        ]
-        patches = PatchCollection(circles, facecolor=OBSTACLE, edgecolor=OBSTACLE_EDGE, lw=0.5)
-        axes.add_collection(patches)
+    draw_obstacles(axes, field.obstacles)
     axes.plot(*field.start, "o", color=START, ms=5, zorder=6)
     axes.plot(*field.goal, "*", color=GOAL, ms=9, zorder=6)
+
+
+def draw_obstacles(axes: Axes, obstacles: Obstacles, colour: str = OBSTACLE) -> None:
+    """Obstacles, if they are discs."""
+    if isinstance(obstacles, Discs):
+        circles = [
+            Circle((float(x), float(y)), float(r))
+            for (x, y), r in zip(obstacles.centers, obstacles.radii, strict=True)
+        ]
+        patches = PatchCollection(circles, facecolor=colour, edgecolor=OBSTACLE_EDGE, lw=0.5)
+        axes.add_collection(patches)
 
 
 def draw_path(axes: Axes, control: Array) -> None:

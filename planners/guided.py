@@ -80,14 +80,15 @@ class Guided:
         began = time.perf_counter()
         if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
             return Decision(left, _report(state, began))
-        tried = 0
-        for tried, start in enumerate(self.starts(field, state), start=1):
+        tried: list[tuple[str, Array]] = []
+        for start in self.starts(field, state):
+            tried.append((start.name, start.guess))
             (end,) = self.solver.solve(start.window, [start.guess])
             if end.feasible and self._holds(field, state.vehicle, end.control):
-                return Decision(end.control, _report(state, began, tried, start, end))
+                return Decision(end.control, _report(state, began, len(tried), start, end), tried)
         # nothing new was found, but what was planned before still leads somewhere
         left = rest(field, state, self.limits)
-        return Decision(left, _report(state, began, tried))
+        return Decision(left, _report(state, began, len(tried)), tried)
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, the best class first, and guesses on and beside them."""

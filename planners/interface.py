@@ -96,6 +96,9 @@ class Decision:
     chain: Array | None
     """Segments (n, 4, 2), certified; the first is flown next. None: no way on was found."""
     report: WindowReport
+    candidates: Sequence[tuple[str, Array]] = ()
+    """First guesses (n, 4, 2) that were searched from, by name; the last one of the name
+    `report.start` led to the chain. None from planners that solve nothing."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -72,11 +72,13 @@ class RecedingHorizon:
             return Decision(left, _report(state, "planned", None, [], began))
         vehicle = state.vehicle
         window = self.window(field, vehicle)
+        begun: list[tuple[str, Array]] = []
         solved: list[tuple[str, Certified]] = []
         for starts in self.starts(window, state, seed):
             names, guesses = zip(*starts, strict=True)
             ends = self.solver.solve(window, guesses, until)
             solved += zip(names, ends, strict=False)
+            begun += starts[: len(ends)]
             # sorting is stable: the first of equal chains wins, as in the paper
             ranked = sorted(
                 ((name, end) for name, end in solved if end.feasible),
@@ -87,13 +89,13 @@ class RecedingHorizon:
                 kept = final or kept
                 if flight.follow(field, vehicle, kept.control[0], self.limits).flown:
                     report = _report(state, name, kept, solved, began, until, final)
-                    return Decision(kept.control, report)
+                    return Decision(kept.control, report, begun)
             if time.perf_counter() > until:
                 if (left := rest(field, state, self.limits)) is not None:
                     report = _report(state, "planned", None, solved, began, until)
-                    return Decision(left, report)
+                    return Decision(left, report, begun)
                 break
-        return Decision(None, _report(state, "", None, solved, began, until))
+        return Decision(None, _report(state, "", None, solved, began, until), begun)
 
     def window(self, field: Field, vehicle: flight.State) -> Window:
         """What is planned next: three segments, fewer if even the shortest would overshoot."""
@@ -130,7 +132,8 @@ class RecedingHorizon:
         drawn = self.random_guess(stream, vehicle, window.chain.segments, self.limits, count)
         admitted = window.admits(drawn).reshape(self.random_starts, draws)
         return [
-            (f"random {start + 1}", drawn[start * draws + admitted[start].argmax()])
+            # a copy: decisions are kept, and would keep all that was drawn
+            (f"random {start + 1}", drawn[start * draws + admitted[start].argmax()].copy())
             for start in np.flatnonzero(admitted.any(axis=1))
         ]
 

@@ -1,0 +1,80 @@
+"""Frames as a GIF: one palette for all, in which large areas keep their colours exactly."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from scipy.spatial import cKDTree
+
+from ferguson_gym.files import written_whole
+
+SUFFIX = ".gif"
+COLOURS = 254
+"""Of the palette; a GIF has 256, and one of them stands for what stays the same."""
+
+Frame: TypeAlias = NDArray[np.uint8]
+"""Pixels (height, width, 3), RGB."""
+
+
+class Palette:
+    """The colours of some frames; other frames get the nearest of them."""
+
+    def __init__(self, frames: Sequence[Frame]) -> None:
+        sheet = np.concatenate(frames)
+        kinds, often = np.unique(_packed(sheet), return_counts=True)
+        common = _unpacked(kinds[np.argsort(-often, kind="stable")[: COLOURS // 2]])
+        # the other half covers what is left, small areas of strong colours among it
+        covering = Image.fromarray(sheet).quantize(
+            COLOURS // 2, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
+        )
+        rest = np.array(covering.getpalette()).reshape(-1, 3)
+        self._colours = np.concatenate([common, rest])
+        self._nearest = cKDTree(self._colours)
+        # Pillow's own search for the nearest colour is coarse: pale bands would run together
+        self._index = np.full(1 << 24, -1, np.int16)
+
+    def __call__(self, frame: Frame) -> Image.Image:
+        """A frame in these colours."""
+        packed = _packed(frame)
+        new = np.unique(packed[self._index[packed] < 0])
+        if len(new):
+            self._index[new] = self._nearest.query(_unpacked(new))[1]
+        image = Image.fromarray(self._index[packed].astype(np.uint8))
+        image.putpalette(self._colours.ravel().tolist())
+        return image
+
+
+def _packed(frame: Frame) -> NDArray[np.int32]:
+    """One number for each colour."""
+    wide = frame.astype(np.int32)
+    packed: NDArray[np.int32] = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
+    return packed
+
+
+def _unpacked(packed: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.stack([packed >> 16, packed >> 8 & 255, packed & 255], axis=-1)
+
+
+def write_gif(
+    path: Path, frames: Iterable[Frame], seconds: Sequence[float], palette: Palette
+) -> None:
+    """Write frames, each shown for its seconds, again and again.
+
+    Frames are taken one by one; whatever they raise leaves no file, or the old one.
+    """
+    images = map(palette, frames)
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        next(images).save(
+            file,
+            format="GIF",
+            save_all=True,
+            append_images=images,
+            duration=[round(1000.0 * shown) for shown in seconds],
+            loop=0,
+            optimize=True,  # what stays the same is not written again
+        )

@@ -1,0 +1,272 @@
+"""Animations: what the shots of a flight tell, and the GIF they become."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from agents.animation import Painter, animate
+from agents.command_line import main
+from agents.flights import Flight, fly
+from agents.gif import COLOURS, Palette, write_gif
+from agents.policies import expert
+from agents.progress import still_bar
+from agents.shots import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
+from agents.warm_up import small_field
+from ferguson_gym.arc_length import length
+from ferguson_gym.drawing import OBSTACLE, SEEN
+from ferguson_gym.fields import Field, to_json
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.outcome import Outcome
+from planners.catalog import make
+from planners.interface import Replanner, depart
+
+HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
+"""No flight leaves it: the start touches a disc and faces its centre."""
+WALL = Field(name="wall", obstacles=Discs([[25.0, y] for y in range(-10, 111, 5)], [4] * 25))
+"""From bound to bound: there is no way to the goal."""
+REPLANNERS = ("single-start", "multi-start", "guided")
+
+
+@cache
+def flown(policy: str, field: Field) -> Flight:
+    return fly(expert(make(policy)), policy, field, 0)
+
+
+@pytest.mark.parametrize("policy", REPLANNERS)
+def test_decisions_keep_what_was_searched_from(policy: str) -> None:
+    planner = make(policy)
+    assert isinstance(planner, Replanner)
+    decision = planner.decide(small_field(), depart(small_field()), 0)
+    names = [name for name, _ in decision.candidates]
+    assert len(names) == decision.report.starts > 0
+    assert decision.report.start in names
+    for _, guess in decision.candidates:
+        assert guess.shape[1:] == (4, 2)
+        np.testing.assert_array_equal(guess[0, 0], small_field().start)
+        assert guess.base is None or guess.base.nbytes <= 2 * guess.nbytes
+    arrived = flown(policy, small_field()).decisions[-1]
+    assert arrived.report.start == "planned"
+    assert not arrived.candidates
+
+
+@pytest.mark.parametrize("policy", REPLANNERS)
+def test_each_window_is_a_search_its_plan_and_a_segment_on_the_move(policy: str) -> None:
+    flight = flown(policy, small_field())
+    assert flight.success
+    opening, *windows, end = shots(flight)
+    assert (opening.seconds, end.seconds) == (OPENING, END)
+    searches = [shot for shot in windows if shot.candidates]
+    searched = [decision for decision in flight.decisions if decision.candidates]
+    assert len(searches) == len(searched) > 0
+    for shot, decision in zip(searches, searched, strict=True):
+        assert len(shot.candidates) == decision.report.starts
+        assert len(shot.plan) == 0
+        after = windows[windows.index(shot) + 1]
+        np.testing.assert_array_equal(after.plan, decision.chain)
+        assert any(after.start is guess for _, guess in decision.candidates)
+        np.testing.assert_array_equal(after.position, decision.chain[0, 0])
+        np.testing.assert_array_equal(after.origin, after.position)
+        assert after.reach == 15.0 * len(decision.chain)
+    moves = [shot for shot in windows if shot.seconds == MOVE]
+    assert len(windows) == len(moves) + 2 * len(searches)
+    np.testing.assert_array_equal(end.flown, flight.control)
+    np.testing.assert_array_equal(end.position, flight.field.goal)
+    assert f"{flight.length:.2f} m" in end.caption
+    assert f"gap {100 * flight.gap:.2f} %" in end.caption
+
+
+def test_the_vehicle_moves_evenly_along_what_was_flown() -> None:
+    flight = flown("guided", small_field())
+    moves = [shot for shot in shots(flight) if shot.seconds == MOVE]
+    positions = np.array([flight.field.start, *(shot.position for shot in moves)])
+    steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
+    assert steps.min() > 0.5 * STRIDE
+    assert steps.max() < 1.6 * STRIDE
+    for shot in moves:
+        assert not shot.candidates
+        np.testing.assert_array_equal(shot.trail[0], flight.control[len(shot.flown), 0])
+        np.testing.assert_allclose(shot.trail[-1], shot.position)
+
+
+def test_a_long_flight_has_longer_strides() -> None:
+    flight = flown("single-start", small_field())
+    long = replace(flight, control=10.0 * flight.control, decisions=[])
+    _, *moves, _ = shots(long)
+    assert length(long.control).sum() > 2 * STRIDE * MOVES
+    assert 0.8 * MOVES <= len(moves) <= 1.2 * MOVES
+
+
+def test_a_plan_that_is_tracked_is_shown_once_with_its_route() -> None:
+    flight = flown("shortest", small_field())
+    assert flight.route is not None
+    opening, planned, *moves, end = shots(flight)
+    np.testing.assert_array_equal(opening.route, flight.route.points)
+    np.testing.assert_array_equal(planned.plan, flight.decisions[0].chain)
+    assert planned.origin is None
+    for shot in moves:
+        assert shot.seconds == MOVE
+        np.testing.assert_array_equal(shot.plan, planned.plan[len(shot.flown) :])
+        assert "planned in" in shot.caption
+    assert end.route is opening.route
+
+
+def test_a_flight_that_gives_up_ends_with_what_it_tried() -> None:
+    flight = flown("multi-start", HEAD_ON)
+    assert flight.outcome is Outcome.GAVE_UP
+    *_, end = shots(flight)
+    assert Outcome.GAVE_UP.sentence in end.caption
+    assert len(end.candidates) == flight.decisions[-1].report.starts > 0
+    assert "gap" not in end.caption
+
+
+def test_a_refused_segment_is_shown() -> None:
+    flight = flown("single-start", small_field())
+    refused = replace(
+        flight,
+        control=flight.control[:1],
+        refused=flight.control[1],
+        outcome=Outcome.COLLISION,
+        decisions=flight.decisions[:2],
+    )
+    *_, end = shots(refused)
+    assert end.refused is refused.refused
+    assert len(end.flown) == 1
+    assert Outcome.COLLISION.sentence in end.caption
+
+
+def test_a_policy_that_plans_nothing_is_shown_flying() -> None:
+    flight = replace(flown("guided", small_field()), decisions=[])
+    _, *moves, end = shots(flight)
+    assert all(shot.seconds == MOVE and len(shot.plan) == 0 for shot in moves)
+    np.testing.assert_array_equal(end.flown, flight.control)
+
+
+def test_the_program_writes_a_gif(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+    path, field = tmp_path / "flight.gif", tmp_path / "two discs.json"
+    to_json(small_field(), field)
+    assert main(["animate", str(field), "--policy", "guided", "--out", str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert "reached the goal" in out
+    assert err == ""
+    assert path.stat().st_size < 500_000
+    told = list(shots(flown("guided", small_field())))
+    assert f"wrote {len(told)} frames to {path}" in out
+    with Image.open(path) as image:
+        assert image.format == "GIF"
+        assert image.n_frames == len(told)
+        assert image.info["loop"] == 0
+        assert 600 <= min(image.size) <= max(image.size) <= 800
+        shown = []
+        for frame in range(image.n_frames):
+            image.seek(frame)
+            shown.append(image.info["duration"])
+    assert shown == [round(1000 * shot.seconds) for shot in told]
+    assert [name.name for name in tmp_path.iterdir() if name.suffix == ".gif"] == ["flight.gif"]
+
+
+def test_the_vehicle_is_where_the_shot_says_and_obstacles_in_reach_are_darker() -> None:
+    field = small_field()
+    painter = Painter(field, "title")
+    shot = Shot(
+        seconds=1.0, caption="", position=np.array([80.0, 20.0]), heading=np.array([1.0, 0.0])
+    )
+    far, looking = painter.paint(shot), painter.paint(replace(shot, origin=field.start, reach=20.0))
+
+    def at(frame: np.ndarray, x: float, y: float) -> tuple[int, ...]:
+        column, row = 8 + 720 * (x + 10) / 120, 8 + 720 * (110 - y) / 120
+        return tuple(int(part) for part in frame[round(row), round(column)])
+
+    def rgb(colour: str) -> tuple[int, ...]:
+        return tuple(bytes.fromhex(colour[1:]))
+
+    assert at(far, 80.2, 20.0) == (0, 0, 0)
+    assert at(far, 9.0, 9.0) == at(far, 30.0, 24.0) == rgb(OBSTACLE)
+    assert at(looking, 9.0, 9.3) == rgb(SEEN)
+    assert at(looking, 30.0, 24.0) == rgb(OBSTACLE)
+    # the nearer to the goal, the darker the band
+    assert sum(at(far, 44.0, 41.0)) < sum(at(far, 70.0, 80.0)) < sum(at(far, 105.0, 105.0))
+
+
+@pytest.mark.parametrize(
+    ("policy", "field"),
+    [
+        ("single-start", HEAD_ON),
+        ("shortest", WALL),
+        (
+            "guided",
+            Field(
+                name="$odd [name] " + "long " * 30,
+                obstacles=Discs([], []),
+                goal=np.array([20.0, 0.0]),
+                bounds=np.array([[-5.0, -3.0], [25.0, 3.0]]),
+            ),
+        ),
+    ],
+)
+def test_any_flight_can_be_animated(policy: str, field: Field, tmp_path: Path) -> None:
+    path = tmp_path / "flight.gif"
+    with still_bar() as progress:
+        frames = animate(flown(policy, field), path, progress)
+    with Image.open(path) as image:
+        assert image.n_frames == frames
+
+
+def test_large_areas_keep_their_colours_and_rare_strong_ones_are_there() -> None:
+    frame = np.full((200, 200, 3), 250, np.uint8)
+    for row in range(16):
+        frame[10 * row : 10 * row + 10] = (250 - row, 251, 250 - 2 * row)
+    frame[3:6, 3:6] = (200, 30, 40)
+    noise = np.random.default_rng(0).integers(0, 255, (20, 200, 3), np.uint8)
+    frame[180:] = noise
+    shown = np.asarray(Palette([frame])(frame).convert("RGB"))
+    np.testing.assert_array_equal(shown[10:160], frame[10:160])
+    assert np.abs(shown[4, 4].astype(int) - (200, 30, 40)).max() <= 20
+    assert len(np.unique(shown.reshape(-1, 3), axis=0)) <= COLOURS
+
+
+def test_an_animation_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "flight.gif"
+    path.write_text("older")
+    frame = np.zeros((8, 8, 3), np.uint8)
+
+    def frames() -> Iterator[np.ndarray]:
+        yield frame
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_gif(path, frames(), [1.0, 1.0], Palette([frame]))
+    assert path.read_text() == "older"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize(
+    ("field", "policy", "out", "message"),
+    [
+        ("paper:9", "guided", "a.gif", "the paper has fields 1 to 4, not 9"),
+        ("paper:1-4", "guided", "a.gif", "names more than one field"),
+        ("paper:1", "nobody", "a.gif", "unknown policy 'nobody'; policies are single-start"),
+        ("paper:1", "guided", "a.mp4", "animations are written as .gif, not 'a.mp4'"),
+        ("paper:1", "guided", "no/a.gif", "no such directory for the animation"),
+        ("paper:1", "guided", "taken.gif", "is a directory"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_two(
+    field: str,
+    policy: str,
+    out: str,
+    message: str,
+    capsys: pytest.CaptureFixture[str],
+    tmp_path: Path,
+) -> None:
+    (tmp_path / "taken.gif").mkdir()
+    assert main(["animate", field, "--policy", policy, "--out", str(tmp_path / out)]) == 2
+    printed, err = capsys.readouterr()
+    assert printed == ""
+    assert err.count("\n") == 1
+    assert message in err
+    assert [path.name for path in tmp_path.iterdir()] == ["taken.gif"]
