@@ -97,6 +97,16 @@ def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: in
     np.testing.assert_allclose(straight[1:, 2], straight[1:, 1] - straight[1:, 0], atol=1e-12)
 
 
+def test_on_the_goal_itself_a_chain_has_no_length() -> None:
+    field = Field(name="open", obstacles=Discs([], []))
+    vehicle = flight.State(field.goal, np.array([5.0, 5.0]), 9)
+    objective = chain_objective(field, vehicle, Encoding(), Penalties())
+    assert objective.unknowns == 2
+    control = objective.control(np.ones(2))
+    np.testing.assert_array_equal(control[0, :2], [field.goal, field.goal])
+    np.testing.assert_array_equal(control[0, 2], vehicle.derivative)
+
+
 def test_halves_are_tents() -> None:
     np.testing.assert_allclose(
         by_halves(4), [[0.5, 0.625, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.625]]
