@@ -10,12 +10,19 @@ import numba
 
 
 def facts(*packages: str) -> dict[str, Any]:
-    """Of this machine, with the versions of some installed packages."""
+    """Of this machine, with the versions of those of some packages that are installed."""
     return {
         "processor": platform.processor() or platform.machine(),
         "threads": numba.get_num_threads(),
         "versions": {
             "python": platform.python_version(),
-            **{name: importlib.metadata.version(name) for name in packages},
+            **{name: version for name in packages if (version := _version(name))},
         },
     }
+
+
+def _version(package: str) -> str | None:
+    try:
+        return importlib.metadata.version(package)
+    except importlib.metadata.PackageNotFoundError:
+        return None

@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime
 
 from agents import machine
-from agents.planner_runs import FALSE_SUCCESS, Run
+from agents.planner_runs import FALSE_SUCCESS, LIBRARIES, Run
 from ferguson_gym import __version__
 from planners.interface import Status
 
@@ -62,7 +62,7 @@ def write(
     yield f"Running on {_word(platform.node()) or 'unknown'}"
     yield f"Starting at {began:%Y-%m-%d %H:%M:%S}"
     yield from _block("a path through discs, fitted with Ferguson segments; limits of 0: none")
-    yield from _block(json.dumps(machine.facts("numpy", "scipy", "numba")))
+    yield from _block(json.dumps(machine.facts(*LIBRARIES)))
     yield f"{min(run.seed for run in runs)} is the random seed"
     yield f"{0.0 if seconds is None else seconds!r} seconds per run"
     yield "0.0 MB per run"

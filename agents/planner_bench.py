@@ -16,7 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agents import machine, metrics, ompl_log, planner_pictures, results, tables
-from agents.planner_runs import FALSE_SUCCESS, Run, runs
+from agents.planner_runs import FALSE_SUCCESS, LIBRARIES, Run, runs
 from agents.progress import still_bar
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
@@ -120,7 +120,7 @@ def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
             statistics([run for run in finished if run.planner == name])
             for name in request.planners
         ],
-        **machine.facts("numpy", "scipy", "numba"),
+        **machine.facts(*LIBRARIES),
     }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import time
 from collections.abc import Iterator, Sequence
@@ -22,6 +23,8 @@ from planners.interface import Plan, Status, depart
 from planners.routes import CrashedError, Route
 from planners.shortest import exact_length, gap
 
+LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
+"""What plans depend on."""
 FALSE_SUCCESS = "false_success"
 """Status of a plan that was reported as solved and does not bear the benchmark's own test."""
 _ROUNDING = 1e-6
@@ -131,6 +134,8 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
         ValueError: an unknown planner.
     """
     plan: Plan | None = None
+    # planners may remember a field by its identity: every run of it has its own
+    field = dataclasses.replace(field)
     try:
         planner = warm(name, seconds)
         began = time.perf_counter()

@@ -16,6 +16,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from planners.interface import Plan, Planner, depart
 from planners.routes import Route
+from planners.shortest import gap
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -111,8 +112,7 @@ def _told(route: Route, exact: float | None) -> str:
     seconds, _ = route.progress[-1]
     facts = [f"route: {route.length:.4f} m", f"found after {seconds:.3f} s"]
     if exact is not None:
-        gap = route.length / exact - 1.0
-        facts.insert(1, f"{100 * gap:.2f} % above the shortest path")
+        facts.insert(1, f"{100 * gap(route.length, exact):.2f} % above the shortest path")
     return ", ".join(facts)
 
 

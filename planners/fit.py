@@ -42,10 +42,13 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
         vehicle: where the chain starts.
         limits: what a segment may be.
     """
+    left = limits.segments - vehicle.segments
+    if left < 1:
+        return None
     whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     tried: set[int] = set()
     for spacing in SPACINGS:
-        segments = min(max(1, math.ceil(whole / spacing)), limits.segments - vehicle.segments)
+        segments = min(max(1, math.ceil(whole / spacing)), left)
         if segments in tried:
             continue
         tried.add(segments)

@@ -8,6 +8,7 @@ Reference:
 from __future__ import annotations
 
 import dataclasses
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -106,9 +107,11 @@ class Ompl:
             CrashedError: OMPL crashed or did not answer.
             TypeError: obstacles other than discs in the plane.
         """
+        began = time.perf_counter()
         problem = self._problem(field, vehicle, seed)
         if problem is None:
             return None
+        asked = time.perf_counter() - began
         most = self.budget.seconds if isinstance(self.budget, Seconds) else 0.0
         answer: Answer = self.worker.ask(problem, most + self.patience)
         if answer.points is None:
@@ -116,7 +119,7 @@ class Ompl:
         return Route(
             points=answer.points,
             length=float(np.linalg.norm(np.diff(answer.points, axis=0), axis=1).sum()),
-            progress=answer.progress,
+            progress=[(asked + seconds, length) for seconds, length in answer.progress],
         )
 
     def _problem(self, field: Field, vehicle: flight.State, seed: int) -> Problem | None:

@@ -24,6 +24,7 @@ from ferguson_gym import flight
 from ferguson_gym.arc_length import length
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.segments import rooms
 from ferguson_gym.splines import evaluate
 from planners.budget import Evaluations, Seconds
@@ -102,12 +103,16 @@ class Swarms:
     def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
         """The shortest certified chain that any swarm found; None if there was none.
 
-        A budget of evaluations ends with the generations that reach it.
+        There is none where the goal is further away than the segments left can reach. A budget
+        of evaluations ends with the generations that reach it.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
+        left = PAPER_LIMITS.segments - vehicle.segments
+        if np.linalg.norm(field.goal - vehicle.position) > PAPER_LIMITS.longest * left:
+            return None  # the arrays of such chains can be larger than the memory
         objective = chain_objective(field, vehicle, self.encoding, self.penalties)
         stream = np.random.default_rng([seed, vehicle.segments])
         best: Array | None = None

@@ -84,8 +84,8 @@ class Encoding:
         width = float((field.bounds[1] - field.bounds[0]).max()) * self.across
         base, reach = np.zeros((n + 1, 2, 2)), np.zeros((n + 1, 2, 2, 4 * n - 2))
         base[:, 0] = vehicle.position + np.arange(n + 1)[:, None] * step
-        normal = aside / np.linalg.norm(aside)
-        for knot, row in enumerate(by_halves(n), start=1):
+        for knot, row in enumerate(by_halves(n), start=1):  # none on the goal itself
+            normal = aside / np.linalg.norm(aside)
             reach[knot, 0, :, : n - 1] = width * normal[:, None] * row
             reach[knot, 0, :, n - 2 + knot] = self.along * step
         for knots in (base, reach):

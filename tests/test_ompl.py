@@ -8,6 +8,7 @@ import sys
 import threading
 import time
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -91,6 +92,17 @@ def test_progress_goes_on_in_time_and_down_to_the_routes_length(name: str) -> No
     assert seconds[0] > 0.0
     assert lengths[-1] == pytest.approx(route.length, rel=1e-12)
     assert len(lengths) >= (2 if name == "rrt" else 4)
+
+
+def test_the_time_that_a_problem_takes_to_pose_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+    pose = Ompl._problem
+
+    def slowly(*problem: Any) -> Any:
+        time.sleep(0.2)
+        return pose(*problem)
+
+    monkeypatch.setattr(Ompl, "_problem", slowly)
+    assert found(ROUTERS["rrt"], OPEN).progress[0][0] >= 0.2
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -1,6 +1,7 @@
 """`ferguson bench planners`: what is measured, written, printed and refused."""
 
 import csv
+import importlib.util
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.budget import Seconds
 from planners.catalog import PLANNERS, make
-from planners.interface import depart
+from planners.interface import Plan, State, depart
 from planners.routes import Route
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
@@ -99,7 +100,9 @@ def test_the_summary_counts_failures(results: Path) -> None:
     summary = json.loads((results / "summary.json").read_text())
     assert summary["fields"] == ["sparse/train:0", "sparse/train:1"]
     assert summary["workers"] == 1
-    assert summary["versions"]["numpy"]
+    for library in ("numpy", "networkx", "ompl", "pygmo"):
+        installed = importlib.util.find_spec(library) is not None
+        assert (library in summary["versions"]) == installed
     told = {one["planner"]: one for one in summary["planners"]}
     assert list(told) == NAMES
     assert told["lying"]["failures"] == {FALSE_SUCCESS: 2}
@@ -192,6 +195,24 @@ def test_a_mistake_in_a_planner_is_told_with_planner_and_field(
     with pytest.raises(TypeError, match="no such thing") as caught:
         list(runs(["faulty"], None, list(select("sparse/train:0-1")), [7], 1))
     assert caught.value.__notes__ == ["while faulty planned the field sparse/train:1 with seed 7"]
+
+
+def test_every_run_has_a_field_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a planner remembers of a field would not be timed again."""
+    met: list[Field] = []
+
+    class Watching:
+        def plan(self, field: Field, state: State, seed: int) -> Plan:
+            met.append(field)
+            return make("without").plan(field, state, seed)
+
+    monkeypatch.setitem(PLANNERS, "watching", Watching)
+    few = list(runs(["watching"], None, [FIELD], [0, 1], 1))
+    first, second = met[-2:]
+    assert first is not second
+    for field in (first, second):
+        np.testing.assert_array_equal(field.departure, FIELD.departure)
+        assert exact_length(field) == few[0].exact_length == exact_length(FIELD)
 
 
 def test_two_workers_find_the_same_paths() -> None:

@@ -97,6 +97,16 @@ def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: in
     np.testing.assert_allclose(straight[1:, 2], straight[1:, 1] - straight[1:, 0], atol=1e-12)
 
 
+def test_on_the_goal_itself_a_chain_has_no_length() -> None:
+    field = Field(name="open", obstacles=Discs([], []))
+    vehicle = flight.State(field.goal, np.array([5.0, 5.0]), 9)
+    objective = chain_objective(field, vehicle, Encoding(), Penalties())
+    assert objective.unknowns == 2
+    control = objective.control(np.ones(2))
+    np.testing.assert_array_equal(control[0, :2], [field.goal, field.goal])
+    np.testing.assert_array_equal(control[0, 2], vehicle.derivative)
+
+
 def test_halves_are_tents() -> None:
     np.testing.assert_allclose(
         by_halves(4), [[0.5, 0.625, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.625]]
@@ -176,6 +186,14 @@ def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
     wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     field = Field(name="wall", obstacles=wall)
     assert swarms.route(field, flight.depart(field), 0) is None
+
+
+@pytest.mark.parametrize(("goal", "flown"), [(1e6, 0), (601.0, 0), (100.0, 34)])
+def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, flown: int) -> None:
+    field = Field(name="far", obstacles=Discs([], []), goal=(goal, 0.0), bounds=(-1e6, 1e6))
+    vehicle = flight.State(field.start, field.departure, flown)
+    endless = replace(swarms, budget=Evaluations(10**12))
+    assert endless.route(field, vehicle, 0) is None
 
 
 def test_seconds_end_a_search(swarms: Swarms) -> None:

@@ -115,6 +115,13 @@ def test_segments_left_bound_the_fit() -> None:
     assert WholePath(router=Exact(), limits=Limits(segments=10)).plan(OPEN, depart(OPEN), 0).success
 
 
+@pytest.mark.parametrize("flown", [40, 41])
+def test_where_no_segments_are_left_nothing_is_fitted(flown: int) -> None:
+    vehicle = flight.State(OPEN.start, OPEN.departure, flown)
+    plan = make("shortest").plan(OPEN, State(vehicle), 0)
+    assert (plan.status, len(plan.control)) == (Status.NOT_FITTED, 0)
+
+
 def test_a_heading_into_a_disc_cannot_be_fitted() -> None:
     field = Field(
         name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
