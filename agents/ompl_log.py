@@ -108,7 +108,7 @@ def _measured(run: Run, fields: Sequence[str]) -> tuple[float | None, ...]:
         run.segments,
         run.min_turn_radius,
         run.bending,
-        run.evaluations,
+        run.evaluations or 0,
     )
 
 

@@ -6,7 +6,7 @@ import json
 import math
 import time
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -60,17 +60,23 @@ class Request:
 
 
 def bench(request: Request, out: Path) -> list[Run]:
-    """Compare; print the table, write planners.csv, planners.log, summary.json and pictures."""
+    """Compare; print the table, write planners.csv, planners.log, summary.json and pictures.
+
+    Interrupted, it leaves planners.csv with the runs that were finished.
+    """
     console = tables.console()
     for name, hint in request.left_out.items():
         console.print(f"left out {name}: {hint}", markup=False)
     began = datetime.now()
     clock = time.perf_counter()
-    finished = _run(request)
+    out.mkdir(parents=True, exist_ok=True)
+    finished: list[Run] = []
+    try:
+        finished.extend(_runs(request))
+    finally:  # of what is interrupted, the rows are kept
+        results.write_csv(out / "planners.csv", COLUMNS, map(row, finished))
     total = time.perf_counter() - clock
     report = summary(finished, request)
-    out.mkdir(parents=True, exist_ok=True)
-    results.write_csv(out / "planners.csv", COLUMNS, map(row, finished))
     _write(out / "planners.log", ompl_log.write(finished, began, total, request.seconds))
     _write(out / "summary.json", [json.dumps(report, indent=2, allow_nan=False)])
     planner_pictures.draw(finished, out)
@@ -82,18 +88,16 @@ def bench(request: Request, out: Path) -> list[Run]:
     return finished
 
 
-def _run(request: Request) -> list[Run]:
-    finished: list[Run] = []
+def _runs(request: Request) -> Iterator[Run]:
     number = len(request.planners) * len(request.fields) * len(request.seeds)
     with still_bar() as progress:
         task = progress.add_task("plans", total=number)
         for run in runs(
             request.planners, request.seconds, request.fields, request.seeds, request.workers
         ):
-            finished.append(run)
+            yield run
             progress.advance(task)
             progress.refresh()
-    return finished
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:
@@ -128,8 +132,10 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     """Of one planner's runs; None where there is no number, or it is infinite."""
     successes = [run for run in mine if run.success]
     gaps = [run.gap for run in successes if run.gap is not None]
-    causes = Counter(run.status for run in mine if not run.success)
-    low, high = metrics.success_interval(len(successes), len(mine))
+    causes = Counter(_cause(run) for run in mine if not run.success)
+    # seeds of one field are no independent draws, for many planners no draws at all
+    fields = len({run.field.name for run in mine})
+    low, high = metrics.success_interval(len(successes) * fields // len(mine), fields)
     firsts = [run.seconds_first for run in mine]
     return {
         "planner": mine[0].planner,
@@ -148,6 +154,10 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
         "seconds_first_median": _quantile([math.inf if s is None else s for s in firsts], 0.5),
         "seconds_median": _quantile([run.seconds for run in mine], 0.5),
     }
+
+
+def _cause(run: Run) -> str:
+    return f"{run.status} ({run.reason})" if run.reason else run.status
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:
@@ -203,8 +213,8 @@ def _caption(report: Mapping[str, Any]) -> str:
     caption = (
         "gap: median, 90th and 99th percentile after the fit, raw gap before it, turn: smallest "
         "radius; these over successes alone, so a planner that fails on hard fields looks better. "
-        "Interval: Wilson's. first: until a route, or a path where there are no routes; what found "
-        "none counts as never. total: all plans, fit and certification included. false: reported "
+        "Interval: Wilson's, over fields. first: until a route, or a path where there are no "
+        "routes; what found none counts as never. total: all plans, fit and certification included. false: reported "
         "as solved, but not feasible; they count as failures."
     )
     if report["workers"] > 1:

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,7 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.paths import Path
 from ferguson_gym.turning import bending_energy, fastest_turn
 from planners.interface import Plan, Status, depart
-from planners.routes import CrashedError, Route
+from planners.routes import Route
 from planners.shortest import exact_length, gap
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
@@ -55,7 +54,10 @@ class Run:
     """Of a coordinated turn with the paper's roll angle, where the path turns sharpest [m/s]."""
     bending: float | None
     """Integral of squared curvature over arc length [1/m]."""
-    evaluations: int
+    evaluations: int | None
+    """Of an objective, in the search; the fit's are not counted."""
+    reason: str
+    """What was told of a crash; empty otherwise."""
     seconds: float
     """In total, fit and certification included."""
 
@@ -133,14 +135,12 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     Raises:
         ValueError: an unknown planner.
     """
-    plan: Plan | None = None
     # planners may remember a field by its identity: every run of it has its own
     field = dataclasses.replace(field)
     try:
         planner = warm(name, seconds)
         began = time.perf_counter()
-        with suppress(CrashedError):
-            plan = planner.plan(field, depart(field), seed)
+        plan = planner.plan(field, depart(field), seed)
         elapsed = time.perf_counter() - began
     except Exception as error:
         error.add_note(f"while {name} planned the field {field.name} with seed {seed}")
@@ -148,11 +148,11 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     return measure(name, field, seed, plan, elapsed)
 
 
-def measure(name: str, field: Field, seed: int, plan: Plan | None, seconds: float) -> Run:
-    """What is told of a plan; None: the planner crashed."""
-    status = (Status.CRASHED if plan is None else plan.status).label
+def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> Run:
+    """What is told of a plan."""
+    status = plan.status.label
     path: Path | None = None
-    if plan is not None and plan.success:
+    if plan.success:
         if certified(plan.control, field):
             path = plan.path
         else:
@@ -163,7 +163,7 @@ def measure(name: str, field: Field, seed: int, plan: Plan | None, seconds: floa
         field=field,
         seed=seed,
         status=status,
-        route=None if plan is None else plan.route,
+        route=plan.route,
         control=np.empty((0, 4, 2)) if path is None else path.control,
         exact_length=exact_length(field),
         length=None if path is None else path.length,
@@ -171,7 +171,8 @@ def measure(name: str, field: Field, seed: int, plan: Plan | None, seconds: floa
         min_turn_radius=radius,
         max_turn_speed=None if radius is None else fastest_turn(radius),
         bending=None if path is None else float(bending_energy(path.control).sum()),
-        evaluations=0 if plan is None else plan.evaluations,
+        evaluations=plan.evaluations or None,
+        reason=plan.reason,
         seconds=seconds,
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import suppress
 from functools import cache
 
 import numpy as np
@@ -12,7 +11,6 @@ from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.catalog import make
 from planners.interface import Planner, depart
-from planners.routes import CrashedError
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
 
@@ -53,6 +51,5 @@ def warm(name: str, seconds: float | None = None) -> Planner:
     """
     planner = with_seconds(make(name), seconds)
     field = small_field()
-    with suppress(CrashedError):
-        with_seconds(planner, _SECONDS).plan(field, depart(field), 0)
+    with_seconds(planner, _SECONDS).plan(field, depart(field), 0)
     return planner

@@ -14,6 +14,7 @@ from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
+from ferguson_gym.paths import Path
 from planners.multi_start import MultiStart, beside
 from planners.sqp import ElasticSqp
 from planners.starts import along
@@ -45,9 +46,23 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
     left = limits.segments - vehicle.segments
     if left < 1:
         return None
+    chain = _fit(points, field, vehicle, limits)
+    if chain is None:
+        return None
+    path = Path(chain)
+    if len(chain) == min(math.ceil(path.length / SPACINGS[0]), left):
+        return chain
+    # corners of a route must not buy more segments than the way itself calls for
+    again = _fit(path.points(), field, vehicle, limits)
+    return chain if again is None else again
+
+
+def _fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> Array | None:
+    """With as many segments as the length of the points calls for, if that leads to a chain."""
     whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     tried: set[int] = set()
     for spacing in SPACINGS:
+        left = limits.segments - vehicle.segments
         segments = min(max(1, math.ceil(whole / spacing)), left)
         if segments in tried:
             continue

@@ -116,6 +116,8 @@ class Plan:
     that plan the whole path at once."""
     route: Route | None = None
     """What planners of whole paths found before segments were fitted to it."""
+    reason: str = ""
+    """What is known of a crash."""
 
     @property
     def success(self) -> bool:

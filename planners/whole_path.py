@@ -31,13 +31,13 @@ class WholePath:
         began = time.perf_counter()
         route: Route | None = None
         chain = rest(field, state, self.limits) if arriving(field, state) else None
-        status = Status.NOT_FITTED
+        status, reason = Status.NOT_FITTED, ""
         if chain is None:
             try:
                 route = self.router.route(field, state.vehicle, seed)
                 status = status if route else Status.NO_ROUTE
-            except CrashedError:
-                status = Status.CRASHED
+            except CrashedError as error:
+                status, reason = Status.CRASHED, str(error)
         if route is not None:
             chain = fit(route.points, field, state.vehicle, self.limits)
         ahead = np.empty((0, 4, 2)) if chain is None else chain
@@ -50,7 +50,7 @@ class WholePath:
             evaluations=0 if route is None else route.evaluations,
             seconds=time.perf_counter() - began,
         )
-        return Plan(status, control, states, [Decision(chain, report)], route)
+        return Plan(status, control, states, [Decision(chain, report)], route, reason)
 
 
 def with_seconds(planner: Planner, seconds: float | None) -> Planner:

@@ -38,9 +38,9 @@ class Without:
 
 @dataclass(frozen=True, slots=True)
 class Crashing:
-    """Not caught by any planner around it."""
+    """Loses what does its work."""
 
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
+    def route(self, field: Field, vehicle: Vehicle, seed: int) -> Route | None:
         raise CrashedError("gone")
 
 
@@ -66,6 +66,6 @@ class Lying:
 STUBS = {
     "searching": lambda: WholePath(router=Searching()),
     "without": lambda: WholePath(router=Without()),
-    "crashing": Crashing,
+    "crashing": lambda: WholePath(router=Crashing()),
     "lying": Lying,
 }

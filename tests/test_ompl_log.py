@@ -12,6 +12,7 @@ from agents.ompl_log import STATUSES, write
 from agents.planner_runs import Run, measure, run
 from ferguson_gym.catalog import one
 from planners.catalog import PLANNERS
+from planners.interface import depart
 from planners.routes import Route
 from tests.stub_planners import STUBS
 
@@ -154,7 +155,8 @@ def test_progress_is_told_of_planners_that_improve(some: list[Run]) -> None:
 
 def test_a_run_without_a_route_has_an_empty_series(some: list[Run]) -> None:
     first, second = (run for run in some if run.planner == "searching")
-    lost = replace(measure("searching", second.field, 5, None, 1.0), route=None)
+    crashed = STUBS["crashing"]().plan(second.field, depart(second.field), 5)
+    lost = replace(measure("searching", second.field, 5, crashed, 1.0), route=None)
     _, progress = read(list(write([first, lost], BEGAN, 1.0, None)))["planners"]["searching"]
     assert [len(series) for series in progress] == [3, 0]
 

@@ -28,6 +28,7 @@ from tests.stub_planners import STUBS, Faulty
 
 BENCH = ["bench", "planners", "--fields", "sparse/train:0-1"]
 FIELD = one("sparse/train:0")
+CRASHED = STUBS["crashing"]().plan(FIELD, depart(FIELD), 0)
 NAMES = ["shortest", "multi-start", *STUBS]
 
 
@@ -106,7 +107,7 @@ def test_the_summary_counts_failures(results: Path) -> None:
     told = {one["planner"]: one for one in summary["planners"]}
     assert list(told) == NAMES
     assert told["lying"]["failures"] == {FALSE_SUCCESS: 2}
-    assert told["crashing"]["failures"] == {"crashed": 2}
+    assert told["crashing"]["failures"] == {"crashed (gone)": 2}
     assert told["without"]["successes"] == 0
     assert told["without"]["gap_median"] is None
     assert told["without"]["seconds_first_median"] is None
@@ -280,7 +281,7 @@ def stub_run(
     route = None
     if progress:
         route = Route(points=np.array([[0, 0], [9, 9]]), length=progress[-1][1], progress=progress)
-    template = measure(planner, FIELD, 0, None, seconds)
+    template = measure(planner, FIELD, 0, CRASHED, seconds)
     run_ = replace(template, route=route, exact_length=100.0)
     if gap is None:
         return run_
@@ -288,6 +289,16 @@ def stub_run(
     return replace(
         run_, status="solved", control=control, length=100.0 * (1.0 + gap), min_turn_radius=2.0
     )
+
+
+def test_seeds_of_one_field_do_not_make_success_surer() -> None:
+    template = stub_run([(1.0, 150.0)], 2.0, 0.1)
+    other = replace(template, field=one("sparse/train:1"))
+    once = statistics([template, other])
+    often = statistics(
+        [replace(run_, seed=seed) for run_ in (template, other) for seed in range(9)]
+    )
+    assert (often["successes"], often["success_low"]) == (18, once["success_low"])
 
 
 def test_statistics_of_gaps_leave_failures_out_and_times_do_not() -> None:
@@ -300,7 +311,7 @@ def test_statistics_of_gaps_leave_failures_out_and_times_do_not() -> None:
     ]
     told = statistics(mine)
     assert (told["runs"], told["successes"]) == (5, 2)
-    assert told["failures"] == {"crashed": 3}
+    assert told["failures"] == {"crashed (gone)": 3}
     assert told["gap_median"] == pytest.approx(0.1)
     assert told["gap_99"] == pytest.approx(0.3)
     assert told["raw_gap_median"] == pytest.approx(0.2)
@@ -337,3 +348,12 @@ def test_a_path_is_as_long_as_its_segments(results: Path) -> None:
     plan = make("shortest").plan(FIELD, depart(FIELD), 0)
     first = rows(results / "planners.csv")[0]
     assert float(first["length"]) == pytest.approx(length(plan.control).sum(), rel=1e-12)
+
+
+def test_what_was_finished_is_kept_when_a_planner_is_at_fault(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(PLANNERS, "faulty", Faulty)
+    with pytest.raises(TypeError, match="no such thing"):
+        main([*BENCH, "--planner", "faulty", "--out", str(tmp_path / "out")])
+    assert [row["field"] for row in rows(tmp_path / "out" / "planners.csv")] == ["sparse/train:0"]

@@ -158,3 +158,24 @@ def test_the_report_counts_all_the_time_there_is() -> None:
     (decision,) = plan.decisions
     assert decision.report.seconds >= plan.route.progress[-1][0] > 0.0
     assert len(plan.states) == len(plan.control) + 1
+
+
+def test_a_crooked_route_buys_no_better_chain_than_a_straight_one() -> None:
+    field = one("sparse/train:1")
+    straight = make("shortest").plan(field, depart(field), 0)
+    assert straight.route is not None
+    points = straight.route.points[::20]
+    # to and fro along the way, a again as long
+    crooked = np.concatenate(
+        [[points[k], points[k + 1], points[k]] for k in range(len(points) - 1)]
+    )
+    plan = WholePath(router=Given(np.vstack([crooked, field.goal]))).plan(field, depart(field), 0)
+    assert plan.route is not None
+    assert plan.route.length > 2.0 * straight.route.length
+    assert len(plan.control) == len(straight.control)
+    assert length(plan.control).sum() == pytest.approx(length(straight.control).sum(), rel=1e-5)
+
+
+def test_a_crash_is_told() -> None:
+    crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, depart(OPEN), 0)
+    assert crash.reason == "injected"
