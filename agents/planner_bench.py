@@ -214,8 +214,8 @@ def _caption(report: Mapping[str, Any]) -> str:
         "gap: median, 90th and 99th percentile after the fit, raw gap before it, turn: smallest "
         "radius; these over successes alone, so a planner that fails on hard fields looks better. "
         "Interval: Wilson's, over fields. first: until a route, or a path where there are no "
-        "routes; what found none counts as never. total: all plans, fit and certification included. false: reported "
-        "as solved, but not feasible; they count as failures."
+        "routes; what found none counts as never. total: all plans, fit and certification "
+        "included. false: reported as solved, but not feasible; they count as failures."
     )
     if report["workers"] > 1:
         caption += f" Times with {report['workers']} workers beside each other do not compare."

@@ -1,5 +1,6 @@
 """Whole-path planners: a route becomes a flight, or an honest failure."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -165,10 +166,8 @@ def test_a_crooked_route_buys_no_better_chain_than_a_straight_one() -> None:
     straight = make("shortest").plan(field, depart(field), 0)
     assert straight.route is not None
     points = straight.route.points[::20]
-    # to and fro along the way, a again as long
-    crooked = np.concatenate(
-        [[points[k], points[k + 1], points[k]] for k in range(len(points) - 1)]
-    )
+    # to and fro along the way
+    crooked = np.concatenate([[a, b, a] for a, b in itertools.pairwise(points)])
     plan = WholePath(router=Given(np.vstack([crooked, field.goal]))).plan(field, depart(field), 0)
     assert plan.route is not None
     assert plan.route.length > 2.0 * straight.route.length
