@@ -9,7 +9,8 @@ from ferguson_gym.actions import Action, encode
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
 from planners.catalog import PLANNERS, make
-from planners.interface import Decision, Plan, Planner, Replanner, State, depart
+from planners.interface import Decision, Plan, Planner, Replanner, State
+from planners.rollout import successor
 
 
 class Policy(Protocol):
@@ -39,16 +40,20 @@ class Replanning:
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
         self._field, self._seed = field, seed
-        self._tail = depart(field).tail
+        self._before: State | None = None
         self.decisions = []
 
     def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
         """The action that flies the first segment of the planner's decision."""
-        decision = self._planner.decide(self._field, State(vehicle, self._tail), self._seed)
+        state = State(vehicle)
+        if self._before is not None:
+            assert self._chain is not None
+            state = successor(self._before, self._chain, vehicle)
+        decision = self._planner.decide(self._field, state, self._seed)
         self.decisions.append(decision)
+        self._before, self._chain = state, decision.chain
         if decision.chain is None:
             return None
-        self._tail = decision.chain[1:]
         return encode(decision.chain[0], vehicle.position, vehicle.derivative)
 
 

@@ -1,0 +1,72 @@
+"""A limited sensing range: a planner that is shown only the obstacles seen so far.
+
+What it decides over these is optimistic: unknown space counts as free. Whenever an obstacle
+appears, the planner sees another field, in which its distance to go and the rest of its plan are
+judged anew.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import Limits
+from planners.interface import Decision, Plan, Replanner, State
+from planners.rollout import roll_out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensing:
+    """A planner that knows the obstacles within a range of where the vehicle has been.
+
+    A range of at least the longest segment makes every decision safe: no point of the next
+    segment is farther from the vehicle than that, so that an obstacle it could cut into is
+    known. Later segments of a window may lead into the unknown; they are decided again.
+
+    Raises:
+        ValueError: a range below the longest segment.
+    """
+
+    planner: Replanner
+    """Decides over what is known."""
+    reach: float
+    """The sensing range [m], from the path flown to an obstacle's boundary."""
+
+    def __post_init__(self) -> None:
+        if not self.reach >= self.limits.longest:
+            raise ValueError(
+                "a sensing range must be at least the longest segment, "
+                f"{self.limits.longest:g} m, got {self.reach:g} m"
+            )
+
+    @property
+    def limits(self) -> Limits:
+        """What a segment may be."""
+        return self.planner.limits
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        """Plan from a state to the goal, discovering the field on the way."""
+        return roll_out(self, field, state, seed)
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        """Decide the next segment, and what is meant to follow it, over what is known."""
+        return self.planner.decide(known(field, state, self.reach), state, seed)
+
+
+def known(field: Field, state: State, reach: float) -> Field:
+    """The field with the obstacles within a range of where the vehicle is and of its path.
+
+    Distances are certified: an obstacle counts at most 1e-7 m before it is in range. As long as
+    nothing new comes into range it is the same object.
+    """
+    near = field.obstacles.signed_distance(state.vehicle.position) <= reach
+    clearance, _ = field.obstacles.closest(state.flown)
+    return _only(field, (near | (clearance <= reach).any(axis=0)).tobytes())
+
+
+@lru_cache(maxsize=2)
+def _only(field: Field, mask: bytes) -> Field:
+    return replace(field, obstacles=field.obstacles.only(np.frombuffer(mask, dtype=np.bool_)))
