@@ -7,13 +7,18 @@ judged anew.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
+from ferguson_gym.arrays import Array
+from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
+from ferguson_gym.flight import follow
 from ferguson_gym.limits import Limits
+from ferguson_gym.splines import subdivide
 from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 
@@ -53,7 +58,28 @@ class Sensing:
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and what is meant to follow it, over what is known."""
-        return self.planner.decide(known(field, state, self.reach), state, seed)
+        began = time.perf_counter()
+        seen = known(field, state, self.reach)
+        decision = self.planner.decide(seen, state, seed)
+        chain = decision.chain
+        if chain is not None and not self._leaves_room(seen, chain[0]):
+            halves = np.stack(subdivide(chain[0]))
+            flown = follow(seen, state.vehicle, halves[0], self.limits).flown
+            if flown and is_feasible(halves, seen, self.limits).all():
+                chain = np.concatenate([halves, chain[1:]])
+        report = replace(decision.report, seconds=time.perf_counter() - began)
+        return Decision(chain, report)
+
+    def _leaves_room(self, field: Field, segment: Array) -> bool:
+        """Whether there is room to turn between the end of a segment and what is not seen yet.
+
+        A curve overshoots by 4/27 of the derivative it starts with before it comes back.
+        """
+        start, end, _, derivative = segment
+        if np.array_equal(end, field.goal):
+            return True
+        room = self.reach - float(np.linalg.norm(end - start))
+        return room >= 0.5 * self.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
 
 
 def known(field: Field, state: State, reach: float) -> Field:
