@@ -6,6 +6,7 @@ from typing import Protocol
 
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
+from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
 from planners.catalog import PLANNERS, make
@@ -40,20 +41,17 @@ class Replanning:
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
         self._field, self._seed = field, seed
-        self._before: State | None = None
+        self._last: tuple[State, Array] | None = None
         self.decisions = []
 
     def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
         """The action that flies the first segment of the planner's decision."""
-        state = State(vehicle)
-        if self._before is not None:
-            assert self._chain is not None
-            state = successor(self._before, self._chain, vehicle)
+        state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
         decision = self._planner.decide(self._field, state, self._seed)
         self.decisions.append(decision)
-        self._before, self._chain = state, decision.chain
         if decision.chain is None:
             return None
+        self._last = state, decision.chain
         return encode(decision.chain[0], vehicle.position, vehicle.derivative)
 
 
@@ -91,8 +89,8 @@ def make_policy(name: str) -> Policy:
     """The policy of this name; so far, policies are planners.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is none, or not with the options that the name carries.
     """
-    if name not in PLANNERS:
+    if name.partition("+")[0] not in PLANNERS:
         raise ValueError(f"unknown policy {name!r}; policies are {', '.join(PLANNERS)}")
     return expert(make(name))
