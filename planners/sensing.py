@@ -18,7 +18,7 @@ from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import follow
 from ferguson_gym.limits import Limits
-from ferguson_gym.splines import subdivide
+from ferguson_gym.splines import evaluate, subdivide
 from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 
@@ -29,7 +29,8 @@ class Sensing:
 
     A range of at least the longest segment makes every decision safe: no point of the next
     segment is farther from the vehicle than that, so that an obstacle it could cut into is
-    known. Later segments of a window may lead into the unknown; they are decided again.
+    known. Later segments of a window may lead into the unknown; they are decided again. A segment
+    that ends too near the unknown to turn there is flown by halves, slower, where that can be.
 
     Raises:
         ValueError: a range below the longest segment.
@@ -63,9 +64,9 @@ class Sensing:
         decision = self.planner.decide(seen, state, seed)
         chain = decision.chain
         if chain is not None and not self._leaves_room(seen, chain[0]):
-            halves = np.stack(subdivide(chain[0]))
+            halves = _halved(chain[0])
             flown = follow(seen, state.vehicle, halves[0], self.limits).flown
-            if flown and is_feasible(halves, seen, self.limits).all():
+            if flown and is_feasible(halves[1], seen, self.limits):
                 chain = np.concatenate([halves, chain[1:]])
         report = replace(decision.report, seconds=time.perf_counter() - began)
         return Decision(chain, report)
@@ -80,6 +81,18 @@ class Sensing:
             return True
         room = self.reach - float(np.linalg.norm(end - start))
         return room >= 0.5 * self.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
+
+
+def _halved(segment: Array) -> Array:
+    """Two segments (2, 4, 2) nearly along one (4, 2), about half as long and half as fast."""
+    t = np.linspace(0.0, 1.0, 33)
+    steps = np.linalg.norm(np.diff(evaluate(segment, t), axis=0), axis=-1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    middle = float(np.interp(0.5 * way[-1], way, t))
+    first, second = subdivide(segment, middle)
+    # derivatives go on: the vehicle's is what it is, and the plan's end is kept
+    first[2], second[2], second[3] = segment[2], first[3], segment[3]
+    return np.stack([first, second])
 
 
 def known(field: Field, state: State, reach: float) -> Field:
