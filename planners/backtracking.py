@@ -52,7 +52,7 @@ class Backtracking:
     guide: Replanner
     """Decides where that is stuck."""
     patience: int = 3
-    """Segments that need not lead nearer to the goal [-]."""
+    """Segments that need not lead nearer to the goal."""
     stride: float = 11.0
     """Length of segments at first, where both are stuck and the vehicle flies back [m]."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
