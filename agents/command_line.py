@@ -19,7 +19,7 @@ from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import depart
-from planners.catalog import PLANNERS
+from planners.catalog import OPTIONS, PLANNERS, named
 
 NO_PATH, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -84,6 +84,15 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument("field", metavar="FIELD", help="for example paper:1 or my_field.json")
     plan.add_argument("--planner", required=True, metavar="NAME", help=f"one of {names}")
     plan.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
+    plan.add_argument(
+        "--sensing-range",
+        type=float,
+        metavar="R",
+        help="know only the obstacles within R metres of where the vehicle has been",
+    )
+    plan.add_argument(
+        "--backtrack", action="store_true", help="take the best open branch out of dead ends"
+    )
     plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     plan.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)")
     plan.set_defaults(prepare=_prepare_plan)
@@ -105,7 +114,7 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="P",
-        help=f"a planner ({names}); may be given several times",
+        help=f"a planner ({names}), with options {OPTIONS}; may be given several times",
     )
     evaluate.add_argument(
         "--fields",
@@ -152,15 +161,15 @@ def _prepare_plan(options: argparse.Namespace) -> Job:
     from agents.warm_up import warm
     from planners.catalog import make
 
-    make(options.planner)  # refuses unknown names
+    name = named(options.planner, options.backtrack, options.sensing_range)
+    make(name)  # refuses unknown names, and options that do not fit
     field = one(options.field)
     depart(field)  # refuses what cannot be flown
     if options.plot is not None:
         check_target(options.plot)
 
     def job() -> int:
-        planner = warm(options.planner)
-        report = planning.plan(planner, options.planner, field, options.seed)
+        report = planning.plan(warm(name), name, field, options.seed)
         if options.json:
             print(report.to_json())
         else:

@@ -6,10 +6,12 @@ from typing import Protocol
 
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
+from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
 from planners.catalog import PLANNERS, make
-from planners.interface import Decision, Plan, Planner, Replanner, State, depart
+from planners.interface import Decision, Plan, Planner, Replanner, State
+from planners.rollout import successor
 from planners.routes import Route
 
 
@@ -44,16 +46,17 @@ class Replanning:
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
         self._field, self._seed = field, seed
-        self._tail = depart(field).tail
+        self._last: tuple[State, Array] | None = None
         self.decisions = []
 
     def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
         """The action that flies the first segment of the planner's decision."""
-        decision = self._planner.decide(self._field, State(vehicle, self._tail), self._seed)
+        state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
+        decision = self._planner.decide(self._field, state, self._seed)
         self.decisions.append(decision)
         if decision.chain is None:
             return None
-        self._tail = decision.chain[1:]
+        self._last = state, decision.chain
         return encode(decision.chain[0], vehicle.position, vehicle.derivative)
 
 
@@ -92,8 +95,8 @@ def make_policy(name: str) -> Policy:
     """The policy of this name; so far, policies are planners.
 
     Raises:
-        ValueError: there is none.
+        ValueError: there is none, or not with the options that the name carries.
     """
-    if name not in PLANNERS:
+    if name.partition("+")[0] not in PLANNERS:
         raise ValueError(f"unknown policy {name!r}; policies are {', '.join(PLANNERS)}")
     return expert(make(name))

@@ -34,6 +34,9 @@ class Obstacles(Protocol):
     def near(self, point: ArrayLike, reach: float) -> Obstacles:
         """The obstacles with a signed distance of at most `reach` [m] from a point."""
 
+    def only(self, keep: NDArray[np.bool_]) -> Obstacles:
+        """Those that a mask (n,) keeps."""
+
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
 
@@ -118,7 +121,10 @@ class Discs:
 
     def near(self, point: ArrayLike, reach: float) -> Discs:
         """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
-        keep = self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach
+        return self.only(self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach)
+
+    def only(self, keep: NDArray[np.bool_]) -> Discs:
+        """Those that a mask (n,) keeps."""
         return Discs(self.centers[keep], self.radii[keep])
 
     def clearance(self, control: ArrayLike) -> Array:

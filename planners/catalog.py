@@ -1,17 +1,19 @@
-"""Planners by name."""
+"""Planners by name, and the options that a name may carry."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
 from planners.astar import AStar
+from planners.backtracking import Backtracking
 from planners.budget import Iterations
 from planners.extras import require
 from planners.guided import Guided
-from planners.interface import Planner
+from planners.interface import Planner, Replanner
 from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
 from planners.receding_horizon import RecedingHorizon
+from planners.sensing import Sensing
 from planners.shortest import Exact
 from planners.swarm import bees, particles
 from planners.voronoi import VoronoiEdges
@@ -105,12 +107,51 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
 """Makers of planners by name."""
 
 
+OPTIONS = "NAME+backtrack, NAME+sensing=METRES or both"
+"""How a planner's name carries options, for people."""
+
+
 def make(name: str) -> Planner:
-    """The planner of this name.
+    """The planner of this name, with the options that it carries.
+
+    `guided+sensing=20` knows the obstacles within 20 m of where it has been,
+    `multi-start+backtrack` is led out of the dead ends that it is caught in.
 
     Raises:
-        ValueError: there is none, or its library is not installed.
+        ValueError: there is none, its library is not installed, or an option is unknown, does
+            not fit the planner or has a value that it refuses.
     """
-    if name not in PLANNERS:
-        raise ValueError(f"unknown planner {name!r}; planners are {', '.join(PLANNERS)}")
-    return PLANNERS[name]()
+    plain, *options = name.split("+")
+    if plain not in PLANNERS:
+        raise ValueError(f"unknown planner {plain!r}; planners are {', '.join(PLANNERS)}")
+    planner = PLANNERS[plain]()
+    # sorted: what backtracks knows no more than what is sensed
+    for option in sorted(options):
+        planner = _with_option(planner, plain, option)
+    if len({option.partition("=")[0] for option in options}) < len(options):
+        raise ValueError(f"planner {name!r} carries an option twice")
+    return planner
+
+
+def named(plain: str, backtrack: bool, sensing: float | None) -> str:
+    """The name of a planner with these options; the sensing range is in m."""
+    name = plain + "+backtrack" * backtrack
+    return name if sensing is None else f"{name}+sensing={str(sensing).removesuffix('.0')}"
+
+
+def _with_option(planner: Planner, plain: str, option: str) -> Planner:
+    label, _, value = option.partition("=")
+    if option != "backtrack" and label != "sensing":
+        raise ValueError(f"unknown option {option!r} of planner {plain!r}; need {OPTIONS}")
+    if not isinstance(planner, Replanner):
+        raise ValueError(
+            f"planner {plain!r} plans its whole path at once and has no option {label}; "
+            "single-start, multi-start and guided do"
+        )
+    if label == "backtrack":
+        return Backtracking(planner=planner, guide=Guided())
+    try:
+        reach = float(value)
+    except ValueError:
+        raise ValueError(f"a sensing range is a number of metres, got {value!r}") from None
+    return Sensing(planner=planner, reach=reach)

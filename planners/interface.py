@@ -54,6 +54,9 @@ class State:
     vehicle: flight.State
     tail: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
     """Segments (m, 4, 2) planned and not flown yet; none at the start."""
+    flown: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
+    """Segments (k, 4, 2) flown so far, all that a planner remembers; fewer where a flight is
+    taken up on its way."""
 
 
 def depart(field: Field) -> State:

@@ -7,17 +7,19 @@ import numpy as np
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
-from ferguson_gym.flight import Step, follow
+from ferguson_gym.flight import State as Vehicle
+from ferguson_gym.flight import follow
 from ferguson_gym.limits import Limits
 from ferguson_gym.outcome import Outcome
-from planners.interface import Decision, Plan, Replanner, State, Status
+from planners.interface import Plan, Replanner, State, Status
 from planners.starts import shifted
 
 
-def successor(decision: Decision, step: Step) -> State:
-    """The state after flying the first segment of a decision."""
-    assert decision.chain is not None
-    return State(step.state, decision.chain[1:])
+def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
+    """The state after flying the first of some segments (n, 4, 2), and where that led."""
+    before = state.vehicle
+    segment = before.position, vehicle.position, before.derivative, vehicle.derivative
+    return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
 
 
 def rest(field: Field, state: State, limits: Limits) -> Array | None:
@@ -52,7 +54,7 @@ def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
         step = follow(field, state.vehicle, decision.chain[0], planner.limits)
         if not step.flown:
             break
-        state = successor(decision, step)
+        state = successor(state, decision.chain, step.state)
         states.append(state)
         flown.append(step.control)
         if step.outcome is Outcome.GOAL_REACHED:
@@ -76,5 +78,5 @@ def fly(chain: Array, field: Field, state: State, limits: Limits) -> tuple[Array
         if not step.flown:
             break
         flown.append(step.control)
-        states.append(State(step.state, chain[len(flown) :]))
+        states.append(successor(states[-1], chain[len(flown) - 1 :], step.state))
     return np.array(flown).reshape(-1, 4, 2), states

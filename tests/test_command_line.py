@@ -72,6 +72,34 @@ def test_plan_without_a_path_has_nulls_and_status_one(
         assert report[key] is None
 
 
+def test_a_plan_with_options_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["plan", "traps/train:0", "--planner", "multi-start", "--json"]
+    status = main([*command, "--backtrack", "--sensing-range", "20"])
+    report = json.loads(capsys.readouterr().out)
+    assert status == 0
+    assert report["planner"] == "multi-start+backtrack+sensing=20"
+
+
+@pytest.mark.parametrize(
+    ("options", "told"),
+    [
+        (["guided", "--sensing-range", "0"], "the longest segment, 15 m, got 0 m"),
+        (["guided", "--sensing-range", "14.5"], "the longest segment, 15 m, got 14.5 m"),
+        (["guided", "--sensing-range", "far"], "invalid float value: 'far'"),
+        (["shortest", "--sensing-range", "20"], "'shortest' plans its whole path at once"),
+        (["astar", "--backtrack"], "'astar' plans its whole path at once"),
+    ],
+)
+def test_options_that_do_not_fit_are_told_in_one_line(
+    capsys: pytest.CaptureFixture[str], options: list[str], told: str
+) -> None:
+    assert main(["plan", "paper:1", "--planner", *options]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert told in err
+    assert err.count("\n") == 1
+
+
 def test_plan_for_people_with_a_picture(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     picture = tmp_path / "flight.svg"
     name = "sparse/train:0"

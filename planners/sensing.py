@@ -1,0 +1,111 @@
+"""A limited sensing range: a planner that is shown only the obstacles seen so far.
+
+What it decides over these is optimistic: unknown space counts as free. Whenever an obstacle
+appears, the planner sees another field, in which its distance to go and the rest of its plan are
+judged anew.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.feasibility import is_feasible
+from ferguson_gym.fields import Field
+from ferguson_gym.flight import follow
+from ferguson_gym.limits import Limits
+from ferguson_gym.splines import evaluate, subdivide
+from planners.interface import Decision, Plan, Replanner, State
+from planners.rollout import roll_out
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sensing:
+    """A planner that knows the obstacles within a range of where the vehicle has been.
+
+    A range of at least the longest segment makes every decision safe: no point of the next
+    segment is farther from the vehicle than that, so that an obstacle it could cut into is
+    known. Later segments of a window may lead into the unknown; they are decided again. A segment
+    that ends too near the unknown to turn there is flown by halves, slower, where that can be.
+
+    Raises:
+        ValueError: a range below the longest segment.
+    """
+
+    planner: Replanner
+    """Decides over what is known."""
+    reach: float
+    """The sensing range [m], from the path flown to an obstacle's boundary."""
+
+    def __post_init__(self) -> None:
+        if not self.reach >= self.limits.longest:
+            raise ValueError(
+                "a sensing range must be at least the longest segment, "
+                f"{self.limits.longest:g} m, got {self.reach:g} m"
+            )
+
+    @property
+    def limits(self) -> Limits:
+        """What a segment may be."""
+        return self.planner.limits
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        """Plan from a state to the goal, discovering the field on the way."""
+        return roll_out(self, field, state, seed)
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        """Decide the next segment, and what is meant to follow it, over what is known."""
+        began = time.perf_counter()
+        seen = known(field, state, self.reach)
+        decision = self.planner.decide(seen, state, seed)
+        chain = decision.chain
+        if chain is not None and not self._leaves_room(seen, chain[0]):
+            halves = _halved(chain[0])
+            flown = follow(seen, state.vehicle, halves[0], self.limits).flown
+            if flown and is_feasible(halves[1], seen, self.limits):
+                chain = np.concatenate([halves, chain[1:]])
+        report = replace(decision.report, seconds=time.perf_counter() - began)
+        return Decision(chain, report)
+
+    def _leaves_room(self, field: Field, segment: Array) -> bool:
+        """Whether there is room to turn between the end of a segment and what is not seen yet.
+
+        A curve overshoots by 4/27 of the derivative it starts with before it comes back.
+        """
+        start, end, _, derivative = segment
+        if np.array_equal(end, field.goal):
+            return True
+        room = self.reach - float(np.linalg.norm(end - start))
+        return room >= 0.5 * self.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
+
+
+def _halved(segment: Array) -> Array:
+    """Two segments (2, 4, 2) nearly along one (4, 2), about half as long and half as fast."""
+    t = np.linspace(0.0, 1.0, 33)
+    steps = np.linalg.norm(np.diff(evaluate(segment, t), axis=0), axis=-1)
+    way = np.concatenate([[0.0], np.cumsum(steps)])
+    middle = float(np.interp(0.5 * way[-1], way, t))
+    first, second = subdivide(segment, middle)
+    # derivatives go on: the vehicle's is what it is, and the plan's end is kept
+    first[2], second[2], second[3] = segment[2], first[3], segment[3]
+    return np.stack([first, second])
+
+
+def known(field: Field, state: State, reach: float) -> Field:
+    """The field with the obstacles within a range of where the vehicle is and of its path.
+
+    Distances are certified: an obstacle counts at most 1e-7 m before it is in range. As long as
+    nothing new comes into range it is the same object.
+    """
+    near = field.obstacles.signed_distance(state.vehicle.position) <= reach
+    clearance, _ = field.obstacles.closest(state.flown)
+    return _only(field, (near | (clearance <= reach).any(axis=0)).tobytes())
+
+
+@lru_cache(maxsize=2)
+def _only(field: Field, mask: bytes) -> Field:
+    return replace(field, obstacles=field.obstacles.only(np.frombuffer(mask, dtype=np.bool_)))
