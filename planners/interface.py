@@ -129,8 +129,8 @@ class Plan:
 
     @property
     def path(self) -> Path | None:
-        """The path to the goal; None if none was found."""
-        return Path(self.control) if self.success else None
+        """The path to the goal; None if none was found, or the flight was there before."""
+        return Path(self.control) if self.success and len(self.control) else None
 
     @property
     def step_seconds(self) -> list[float]:

@@ -38,12 +38,23 @@ def arriving(field: Field, state: State) -> bool:
     return len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
 
 
+def over(field: Field, state: State, limits: Limits) -> Plan | None:
+    """The plan of a flight that is over: on the goal, or out of segments; None if it goes on."""
+    if np.array_equal(state.vehicle.position, field.goal):
+        return Plan(Status.SOLVED, np.empty((0, 4, 2)), [state], [])
+    if state.vehicle.segments >= limits.segments:
+        return Plan(Status.OUT_OF_SEGMENTS, np.empty((0, 4, 2)), [state], [])
+    return None
+
+
 def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
     """Decide, fly, decide again until the flight ends.
 
     Segments are flown as the environment flies them, rounded to float32 actions, so that
     the plan and its flight are equal bit for bit.
     """
+    if (ended := over(field, state, planner.limits)) is not None:
+        return ended
     states, decisions, flown = [state], [], []
     status = Status.STUCK
     while True:

@@ -15,7 +15,7 @@ from ferguson_gym.limits import PAPER_LIMITS, Limits
 from planners.budget import Seconds
 from planners.fit import fit
 from planners.interface import Decision, Plan, Planner, State, Status, WindowReport
-from planners.rollout import arriving, fly, rest
+from planners.rollout import arriving, fly, over, rest
 from planners.routes import CrashedError, Route, Router
 
 
@@ -28,6 +28,8 @@ class WholePath:
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; what is left of an earlier plan is kept if it can be."""
+        if (ended := over(field, state, self.limits)) is not None:
+            return ended
         began = time.perf_counter()
         route: Route | None = None
         chain = rest(field, state, self.limits) if arriving(field, state) else None

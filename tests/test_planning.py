@@ -65,6 +65,15 @@ def test_every_success_is_feasible_and_ends_on_the_goal(planner: str, name: str)
         assert plan.path is not None
 
 
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_a_flight_that_is_over_needs_no_plan(planner: str) -> None:
+    plan = planned(planner, "sparse/train:0")
+    there = quick(planner).plan(one("sparse/train:0"), plan.states[-1], 3)
+    assert (there.status, there.path, len(there.control)) == (Status.SOLVED, None, 0)
+    late = State(flight.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
+    assert quick(planner).plan(OPEN, late, 3).status is Status.OUT_OF_SEGMENTS
+
+
 @pytest.mark.parametrize("name", NAMES[:2])
 def test_multi_start_reaches_the_goal_of_sparse_fields(name: str) -> None:
     plan = planned("multi-start", name)
