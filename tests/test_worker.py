@@ -111,6 +111,8 @@ def test_a_copy_has_a_process_of_its_own(worker: Worker) -> None:
 )
 def test_when_the_program_is_ended_its_worker_ends(end: signal.Signals, during: str) -> None:
     program = f"""
+        import signal
+        signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored behind a shell's &
         from planners.worker import Worker
         worker = Worker("{STUB}")
         worker.ask("one", 30.0)
