@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.chain import Chain
 from planners.classes import classes
 from planners.distance import DistanceToGo
@@ -53,7 +54,11 @@ def _distance_to_go(field: Field) -> DistanceToGo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guided:
-    """The paper's receding horizon, guided by the exact distance to the goal."""
+    """The paper's receding horizon, guided by the exact distance to the goal.
+
+    Raises:
+        ValueError: a least turn radius that is not positive and finite.
+    """
 
     classes: int = 2
     """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
@@ -62,6 +67,12 @@ class Guided:
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     settings: WindowSettings = field(default_factory=lambda: WindowSettings(stiffness=STIFFNESS))
     limits: Limits = PAPER_LIMITS
+    min_turn_radius: float | None = None
+    """Least radius of curvature along the whole flight [m], certified; None turns at will."""
+
+    def __post_init__(self) -> None:
+        if self.min_turn_radius is not None:
+            check_turn_radius(self.min_turn_radius)
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; the seed changes nothing.
@@ -78,7 +89,7 @@ class Guided:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
+        if arriving(field, state) and (left := self._rest(field, state)) is not None:
             return Decision(left, _report(state, began))
         tried = 0
         for tried, start in enumerate(self.starts(field, state), start=1):
@@ -86,7 +97,7 @@ class Guided:
             if end.feasible and self._holds(field, state.vehicle, end.control):
                 return Decision(end.control, _report(state, began, tried, start, end))
         # nothing new was found, but what was planned before still leads somewhere
-        left = rest(field, state, self.limits)
+        left = self._rest(field, state)
         return Decision(left, _report(state, began, tried))
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
@@ -100,7 +111,7 @@ class Guided:
                 final = path.length <= reach
                 segments = math.ceil(path.length / stride) if final else self.settings.segments
                 window = (
-                    final_window(field, vehicle, self.limits, self.settings, segments)
+                    self._final_window(field, vehicle, segments)
                     if final
                     else self.window(field, vehicle, segments)
                 )
@@ -119,11 +130,34 @@ class Guided:
             limits=self.limits,
             samples=self.settings.samples,
             stiffness=self.settings.stiffness,
+            turn_radius=self.min_turn_radius or 0.0,
         )
+
+    def _final_window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
+        window = final_window(field, vehicle, self.limits, self.settings, segments)
+        return replace(window, turn_radius=self.min_turn_radius or 0.0)
+
+    def _rest(self, field: Field, state: State) -> Array | None:
+        """What is left of a plan, if it can be flown."""
+        left = rest(field, state, self.limits)
+        if left is None or not self._flies(field, state.vehicle, left[0]):
+            return None
+        return left
+
+    def _flies(self, field: Field, vehicle: flight.State, segment: Array) -> bool:
+        """Whether a segment can be flown, rounded as actions are."""
+        step = flight.follow(field, vehicle, segment, self.limits)
+        return step.flown and self._turns(step.control)
+
+    def _turns(self, segment: Array) -> bool:
+        """Whether a segment keeps the turn radius."""
+        if self.min_turn_radius is None:
+            return True
+        return bool(keeps_turn_radius(segment, self.min_turn_radius, self.limits.tolerance))
 
     def _holds(self, field: Field, vehicle: flight.State, chain: Array) -> bool:
         """Whether a chain can be flown and, unless it ends on the goal, be continued."""
-        if not flight.follow(field, vehicle, chain[0], self.limits).flown:
+        if not self._flies(field, vehicle, chain[0]):
             return False
         if np.array_equal(chain[-1, 1], field.goal):
             return True
@@ -133,7 +167,7 @@ class Guided:
             return False
         for stride in self.strides:
             ahead = along(end, path.points(SPACING), 1, min(path.length, stride))
-            if is_feasible(ahead, field, self.limits).all():
+            if is_feasible(ahead, field, self.limits).all() and self._turns(ahead[0]):
                 return True
         (further,) = self.solver.solve(self.window(field, end, 1), [ahead])
         return further.feasible
