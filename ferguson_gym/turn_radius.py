@@ -120,12 +120,12 @@ def _too_sharp(control: Array, radius: float) -> float:
             top -= 1
             continue
         if not work[0, 0] > -noise:
-            return start
+            return float(start)
         if not work[0, 12] > -noise:
-            return end
+            return float(end)
         middle = 0.5 * (start + end)
         if end - start <= 2.0**-_DEPTH or looked >= _PIECES:
-            return middle
+            return float(middle)
         _halve(v[top], c[top], v[top + 1], c[top + 1])
         spans[top, 0], spans[top + 1, 0], spans[top + 1, 1] = middle, start, middle
         top += 1
@@ -140,16 +140,16 @@ def _all_too_sharp(control: Array, radius: float) -> Array:
     return where
 
 
-def check_turn_radius(radius: float) -> float:
-    """Return a turn radius [m] that a flight can be asked to keep.
+def check_turn_radius(radius: float, tolerance: float) -> float:
+    """Return a turn radius [m] that a flight can be asked to keep to a tolerance [m].
 
     Raises:
-        ValueError: not a positive, finite number.
+        ValueError: not finite, or not above the tolerance.
     """
-    if not 0.0 < radius < math.inf:
+    if not tolerance < radius < math.inf:
         raise ValueError(
-            f"a turn radius to keep must be positive and finite, got {radius} m; "
-            "leave it out to turn at will"
+            f"a turn radius to keep must be finite and above the tolerance of {tolerance:g} m, "
+            f"got {radius} m; leave it out to turn at will"
         )
     return float(radius)
 
@@ -170,7 +170,7 @@ def too_sharp_at(
     control = as_control(control)
     if control.shape[-1] != 2:
         raise ValueError(f"turns are planar, got segments in {control.shape[-1]} dimensions")
-    least = check_turn_radius(check_turn_radius(radius) - tolerance)
+    least = check_turn_radius(radius, tolerance) - tolerance
     flat = np.ascontiguousarray(control.reshape(-1, 4, 2))
     return _all_too_sharp(flat, least).reshape(control.shape[:-2])
 

@@ -46,9 +46,9 @@ _NOWHERE = 1e-9
 
 CONTACT = np.dtype(
     [
-        ("clearance", np.float64),  # [m], or [m per unit t] for the speed
+        ("clearance", np.float64),  # [m], or [m per unit t] for speed and turns
         ("segment", np.int64),
-        ("what", np.int64),  # disc, or SPEED, LOW, HIGH
+        ("what", np.int64),  # disc, or SPEED, LOW, HIGH, or a side of `planners.turns`
         ("t", np.float64),
         ("weight", np.float64, (4,)),  # w: of the control rows at t
         ("normal", np.float64, (2,)),  # N: in which the clearance grows

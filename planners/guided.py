@@ -30,6 +30,7 @@ from planners.fit import ASIDE, STIFFNESS
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart, beside
 from planners.objectives import LengthObjective
+from planners.pieces import ShortestPath
 from planners.rollout import arriving, rest, roll_out
 from planners.shortest import SPACING
 from planners.starts import along
@@ -57,11 +58,13 @@ class Guided:
     """The paper's receding horizon, guided by the exact distance to the goal.
 
     Raises:
-        ValueError: a least turn radius that is not positive and finite.
+        ValueError: a least turn radius that is not finite or not above the tolerance.
     """
 
     classes: int = 2
     """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
+    detours: int = 6
+    """Further classes, where a turn radius leaves none of these: one may lie too much aside."""
     strides: tuple[float, ...] = (11.0, 7.0, 4.5)
     """Lengths of segments at first [m], likewise."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
@@ -72,7 +75,7 @@ class Guided:
 
     def __post_init__(self) -> None:
         if self.min_turn_radius is not None:
-            check_turn_radius(self.min_turn_radius)
+            check_turn_radius(self.min_turn_radius, self.limits.tolerance)
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; the seed changes nothing.
@@ -102,9 +105,8 @@ class Guided:
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, the best class first, and guesses on and beside them."""
-        togo, vehicle = _distance_to_go(field), state.vehicle
-        paths = classes(togo, vehicle.position, self.classes)
-        for rank, path in enumerate(paths, start=1):
+        vehicle = state.vehicle
+        for rank, path in self._ways(field, state):
             points = path.points(SPACING)
             for stride in self.strides:
                 reach = self.settings.segments * stride
@@ -119,6 +121,16 @@ class Guided:
                 yield Start(f"class {rank}", window, guess)
                 for side in beside(guess, ASIDE):
                     yield Start(f"beside class {rank}", window, side)
+
+    def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
+        """The shortest paths of the best classes, numbered from 1."""
+        togo, position = _distance_to_go(field), state.vehicle.position
+        paths = classes(togo, position, self.classes)
+        yield from enumerate(paths, start=1)
+        # most flights never need a detour, and what was planned before leads on better
+        if self.min_turn_radius is not None and self._rest(field, state) is None:
+            detours = classes(togo, position, self.classes + self.detours)[len(paths) :]
+            yield from enumerate(detours, start=len(paths) + 1)
 
     def window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
         """So many segments, past the obstacles within their reach."""

@@ -118,7 +118,13 @@ def lagrangian(
             else:
                 control = here.control[contact.segment]
                 add_turn_hessian(
-                    hessian, -multiplier[row], control, layout.turn_radius, contact, place
+                    hessian,
+                    -multiplier[row],
+                    here.contact,
+                    row,
+                    control,
+                    layout.turn_radius,
+                    place,
                 )
 
 

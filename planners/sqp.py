@@ -26,15 +26,13 @@ from ferguson_gym.arc_length import length as certified_length
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import derivative
-from ferguson_gym.turn_radius import too_sharp_at
 from planners import quadratic
 from planners.definite import make_definite
 from planners.exchange import AIM
 from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
 from planners.filter import Filter
 from planners.lagrangian import hand_on, lagrangian
-from planners.turns import LEFT, RIGHT
+from planners.turns import WIDER, too_sharp
 from planners.window import Window
 
 _MET = 0.3 * AIM
@@ -43,10 +41,6 @@ _SETTLES = 1e-2
 """Violation [m] from which a search settles in a few steps."""
 _SMALLEST = 1e-7
 """Radius [m] at which a search is stuck."""
-_WIDER = 1e-3
-"""Part by which turns are planned wider than they must be: the search meets limits to `_MET`, and
-float32 actions end elsewhere by as much as that makes of the curvature where a curve is slow."""
-
 CONVERGED = "converged"
 OUTDONE = "outdone by another start"
 DEADLINE = "deadline reached"
@@ -183,7 +177,7 @@ def _layout(window: Window, discs: Discs) -> Layout:
         stiffness=window.stiffness,
         correction=np.zeros(chain.segments),
         held=np.empty((0, 3)),
-        turn_radius=(1.0 + _WIDER) * window.turn_radius,
+        turn_radius=WIDER * window.turn_radius,
     )
 
 
@@ -247,14 +241,7 @@ class Search:
         clear, t = self.window.obstacles.closest(chain)
         segment, disc = np.nonzero(clear < -AIM)
         held = np.column_stack([segment, disc, t[segment, disc]])
-        if self.window.turn_radius > 0.0:
-            sharp = too_sharp_at(chain, self.window.turn_radius, AIM)
-            for k in np.flatnonzero(~np.isnan(sharp)):
-                (v,), (w,) = derivative(chain[k], sharp[k : k + 1]), derivative(
-                    chain[k], sharp[k : k + 1], 2
-                )
-                side = LEFT if v[0] * w[1] > v[1] * w[0] else RIGHT
-                held = np.vstack([held, [k, side, sharp[k]]])
+        held = np.vstack([held, too_sharp(chain, self.window.turn_radius, AIM)])
         trail.layout = trail.layout._replace(held=np.vstack([trail.layout.held, held]))
         return len(held) > 0
 

@@ -19,10 +19,14 @@ import numpy as np
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
+from ferguson_gym.turn_radius import too_sharp_at
 from planners.contacts import LOOKS, Integers, Piece, Records, row_weights
 
 LEFT, RIGHT = -6, -7
 """What a contact is with, if it is the radius of turns to the left or to the right."""
+WIDER = 1.001
+"""How much wider than they must be turns are planned: actions rounded to float32 end elsewhere by
+up to 1e-5 m, and where a curve is slow that makes much of its curvature."""
 SWING = 4.0
 """A step changes h by up to about so many times as much as it moves points."""
 _NEAR = 0.1
@@ -59,7 +63,7 @@ class _Motion(NamedTuple):
 
 @compiled
 def _turn(v: tuple[float, float], w: tuple[float, float], radius: float) -> _Turn:
-    """h for turns to the left, for a negative radius to the right."""
+    """The quantity h for turns to the left, for a negative radius to the right."""
     s = np.sqrt(v[0] * v[0] + v[1] * v[1])
     inverse = 1.0 / (s * s + 1.0)
     h = inverse * (s * s * s - radius * (v[0] * w[1] - v[1] * w[0]))
@@ -211,16 +215,36 @@ def add_turns(
     return count
 
 
+def too_sharp(chain: Array, radius: float, tolerance: float) -> Array:
+    """Where certification finds segments (n, 4, 2) turn too sharply, as contacts to hold.
+
+    Returns:
+        (k, 3) segment, side and parameter, as in `planners.expansion.Layout.held`; none for a
+        radius of zero, which allows any turn.
+    """
+    if radius == 0.0:
+        return np.empty((0, 3))
+    t = too_sharp_at(chain, radius, tolerance)
+    segments = np.flatnonzero(~np.isnan(t))
+    rows = np.empty((len(segments), 3))
+    for row, k in zip(rows, segments, strict=True):
+        (v0, v1), (w0, w1), _ = _move(chain[k], t[k])
+        row[:] = k, LEFT if v0 * w1 > v1 * w0 else RIGHT, t[k]
+    return rows
+
+
 @compiled
 def add_turn_hessian(
     hessian: Array,
     factor: float,
+    records: Records,
+    row: int,
     control: Array,
     radius: float,
-    contact: np.void,
     place: Integers,
 ) -> None:
     """Add `factor` times the Hessian of a contact's h; drift and mixed as in `CONTACT`."""
+    contact = records[row]
     v, w, _ = _move(control, contact.t)
     turn = _turn(v, w, radius if contact.what == LEFT else -radius)
     one, two = row_weights(contact.t, 1), row_weights(contact.t, 2)
