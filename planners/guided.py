@@ -64,7 +64,7 @@ class Guided:
     classes: int = 2
     """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
     detours: int = 6
-    """Further classes, where a turn radius leaves none of these: one may lie too much aside."""
+    """Further classes, where a turn radius lets these lead to nothing."""
     strides: tuple[float, ...] = (11.0, 7.0, 4.5)
     """Lengths of segments at first [m], likewise."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
@@ -125,12 +125,12 @@ class Guided:
     def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
         """The shortest paths of the best classes, numbered from 1."""
         togo, position = _distance_to_go(field), state.vehicle.position
-        paths = classes(togo, position, self.classes)
-        yield from enumerate(paths, start=1)
-        # most flights never need a detour, and what was planned before leads on better
-        if self.min_turn_radius is not None and self._rest(field, state) is None:
-            detours = classes(togo, position, self.classes + self.detours)[len(paths) :]
-            yield from enumerate(detours, start=len(paths) + 1)
+        best = classes(togo, position, self.classes)
+        yield from enumerate(best, start=1)
+        # not found at once: most flights never need a detour
+        if self.min_turn_radius is not None:
+            every = classes(togo, position, self.classes + self.detours)
+            yield from enumerate(every[len(best) :], start=len(best) + 1)
 
     def window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
         """So many segments, past the obstacles within their reach."""
