@@ -152,9 +152,9 @@ class Guided:
     def _rest(self, field: Field, state: State) -> Array | None:
         """What is left of a plan, if it can be flown."""
         left = rest(field, state, self.limits)
-        if left is None or not self._flies(field, state.vehicle, left[0]):
-            return None
-        return left
+        if left is None or self.min_turn_radius is None:
+            return left
+        return left if self._flies(field, state.vehicle, left[0]) else None
 
     def _flies(self, field: Field, vehicle: flight.State, segment: Array) -> bool:
         """Whether a segment can be flown, rounded as actions are."""
