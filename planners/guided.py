@@ -35,6 +35,8 @@ from planners.rollout import arriving, rest, roll_out
 from planners.shortest import SPACING
 from planners.starts import along
 from planners.togo_objective import ToGoObjective
+from planners.turned import turned
+from planners.turns import WIDER
 from planners.window import Window, WindowSettings, final_window
 
 
@@ -108,19 +110,35 @@ class Guided:
         vehicle = state.vehicle
         for rank, path in self._ways(field, state):
             points = path.points(SPACING)
-            for stride in self.strides:
-                reach = self.settings.segments * stride
-                final = path.length <= reach
-                segments = math.ceil(path.length / stride) if final else self.settings.segments
-                window = (
-                    self._final_window(field, vehicle, segments)
-                    if final
-                    else self.window(field, vehicle, segments)
-                )
-                guess = along(vehicle, points, segments, min(path.length, reach))
+            for window, guess in self._along(field, vehicle, points, path.length):
                 yield Start(f"class {rank}", window, guess)
                 for side in beside(guess, ASIDE):
                     yield Start(f"beside class {rank}", window, side)
+            for route in self._turned(vehicle, points):
+                length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
+                for window, guess in self._along(field, vehicle, route, length):
+                    yield Start(f"turned to class {rank}", window, guess)
+
+    def _along(
+        self, field: Field, vehicle: flight.State, points: Array, length: float
+    ) -> Iterator[tuple[Window, Array]]:
+        """Windows and guesses on a route to the goal (m, 2) of some length [m]."""
+        for stride in self.strides:
+            reach = self.settings.segments * stride
+            final = length <= reach
+            segments = math.ceil(length / stride) if final else self.settings.segments
+            window = (
+                self._final_window(field, vehicle, segments)
+                if final
+                else self.window(field, vehicle, segments)
+            )
+            yield window, along(vehicle, points, segments, min(length, reach))
+
+    def _turned(self, vehicle: flight.State, points: Array) -> list[Array]:
+        """A route after turns into it, where they have a radius."""
+        if self.min_turn_radius is None:
+            return []
+        return turned(vehicle, points, WIDER * self.min_turn_radius)
 
     def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
         """The shortest paths of the best classes, numbered from 1."""
@@ -177,12 +195,14 @@ class Guided:
         path = _distance_to_go(field).path(end.position)
         if path is None:
             return False
+        points = path.points(SPACING)
         for stride in self.strides:
-            ahead = along(end, path.points(SPACING), 1, min(path.length, stride))
+            ahead = along(end, points, 1, min(path.length, stride))
             if is_feasible(ahead, field, self.limits).all() and self._turns(ahead[0]):
                 return True
-        (further,) = self.solver.solve(self.window(field, end, 1), [ahead])
-        return further.feasible
+        turns = [along(end, route, 1, self.strides[0]) for route in self._turned(end, points)]
+        ends = self.solver.solve(self.window(field, end, 1), [ahead, *turns])
+        return any(further.feasible for further in ends)
 
 
 def _report(

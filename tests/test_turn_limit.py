@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from ferguson_gym import flight
 from ferguson_gym.catalog import one, select
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
@@ -15,6 +16,7 @@ from planners.exchange import ByExchange
 from planners.guided import Guided
 from planners.interface import Status, depart
 from planners.sqp import ElasticSqp, Search
+from planners.turned import turned
 from planners.turns import LEFT, RIGHT, add_turn, add_turn_hessian, add_turns, too_sharp
 from planners.window import WindowSettings, final_window
 
@@ -225,6 +227,51 @@ def test_a_detour_is_flown_where_the_way_is_too_sharp() -> None:
     assert Guided(min_turn_radius=5.0, detours=0).plan(field, depart(field), 0).status is (
         Status.STUCK
     )
+
+
+@pytest.mark.parametrize("off", [0.5, 2.0, -2.0, 3.1])
+def test_turned_routes_leave_ahead_on_a_circle_and_meet_the_route(off: float) -> None:
+    radius, points = 4.0, np.column_stack([np.linspace(0.0, 60.0, 241), np.zeros(241)])
+    heading = np.array([np.cos(off), np.sin(off)])
+    routes = turned(flight.State(np.zeros(2), 5.0 * heading), points, radius)
+    assert len(routes) == 2
+    for route, side in zip(routes, (1.0, -1.0), strict=True):
+        steps = np.diff(route, axis=0)
+        turns = np.arctan2(
+            steps[:-1, 0] * steps[1:, 1] - steps[:-1, 1] * steps[1:, 0],
+            np.sum(steps[:-1] * steps[1:], axis=1),
+        )
+        # chords of a circle every 2.5 degrees, a tangent, and one corner where it meets the route
+        assert np.degrees(np.sort(np.abs(turns))[-2]) < 5.1
+        assert np.degrees(np.arccos(steps[0] @ heading / np.linalg.norm(steps[0]))) < 1.3
+        assert np.sign(turns[0]) == side
+        center = radius * side * np.array([-heading[1], heading[0]])
+        assert np.linalg.norm(route[:5] - center, axis=1) == pytest.approx(radius)
+        assert np.linalg.norm(route - center, axis=1).min() > radius - 0.05
+        np.testing.assert_array_equal(route[-1], points[-1])
+
+
+@pytest.mark.parametrize("degrees", [90.0, 120.0, 180.0])
+def test_a_flight_that_heads_away_turns_back(degrees: float) -> None:
+    angle = np.radians(45.0 + degrees)
+    field = Field(
+        name="away",
+        obstacles=Discs(np.empty((0, 2)), []),
+        start=np.array([40.0, 40.0]),
+        start_derivative=5.0 * np.array([np.cos(angle), np.sin(angle)]),
+    )
+    plan = Guided(min_turn_radius=5.0).plan(field, depart(field), 0)
+    assert plan.success
+    assert keeps_turn_radius(plan.control, 5.0).all()
+    assert plan.path is not None
+    # one circle and the tangent from it to the goal are the shortest way
+    off, distance = np.radians(degrees), 60.0 * np.sqrt(2.0)
+    center = 5.0 * np.array([np.sin(off), -np.cos(off)])
+    to_goal = np.array([distance, 0.0]) - center
+    line = np.sqrt(to_goal @ to_goal - 25.0)
+    course = np.arctan2(to_goal[1], to_goal[0]) - np.arctan2(5.0, line)
+    shortest = line + 5.0 * (off - course)
+    assert shortest - 1e-4 < plan.path.length < 1.01 * shortest
 
 
 def test_a_disc_too_near_to_turn_away_from_is_stuck_without_a_flight() -> None:
