@@ -107,13 +107,15 @@ class Guided:
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, the best class first, and guesses on and beside them."""
-        vehicle = state.vehicle
+        vehicle, ways = state.vehicle, []
         for rank, path in self._ways(field, state):
             points = path.points(SPACING)
+            ways.append((rank, points))
             for window, guess in self._along(field, vehicle, points, path.length):
                 yield Start(f"class {rank}", window, guess)
                 for side in beside(guess, ASIDE):
                     yield Start(f"beside class {rank}", window, side)
+        for rank, points in ways:
             for route in self._turned(vehicle, points):
                 length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
                 for window, guess in self._along(field, vehicle, route, length):

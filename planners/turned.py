@@ -40,9 +40,9 @@ def turned(state: State, points: Array, radius: float) -> list[Array]:
         offset = points[meeting] - arc
         along = np.sum(offset * ahead, axis=1)
         across = side * (ahead[:, 0] * offset[:, 1] - ahead[:, 1] * offset[:, 0])
-        # on the other side of the heading than before: the circle has turned far enough
-        if (facing := (across <= 0.0) & (along > 0.0)).any():
-            count = int(facing.argmax()) + 1
+        # the heading passes the meeting point: the circle has turned far enough
+        if (facing := (across[:-1] > 0.0) & (across[1:] <= 0.0) & (along[1:] > 0.0)).any():
+            count = int(facing.argmax()) + 2
             chord = math.dist(arc[count - 1], points[meeting])
             share = np.linspace(0.0, 1.0, max(2, math.ceil(chord)))[1:-1, None]
             line = arc[count - 1] + share * (points[meeting] - arc[count - 1])
