@@ -59,6 +59,29 @@ def fastest_turn(radius: float, roll: float = PAPER_ROLL) -> float:
     """
     if not radius >= 0.0:
         raise ValueError(f"a turn radius is at least 0 m, got {radius}")
+    _check_roll(roll)
+    return math.sqrt(radius * GRAVITY * math.tan(roll))
+
+
+def tightest_turn(speed: float, roll: float = PAPER_ROLL) -> float:
+    """Least radius [m] of a coordinated, level turn: the inverse of `fastest_turn`.
+
+    Args:
+        speed: [m/s].
+        roll: greatest roll angle [rad].
+
+    Raises:
+        ValueError: a negative speed, or a roll angle not between level and a quarter turn.
+
+    Reference:
+        The paper, equation (1).
+    """
+    if not speed >= 0.0:
+        raise ValueError(f"a speed is at least 0 m/s, got {speed}")
+    _check_roll(roll)
+    return speed * speed / (GRAVITY * math.tan(roll))
+
+
+def _check_roll(roll: float) -> None:
     if not 0.0 < roll < math.pi / 2:
         raise ValueError(f"a roll angle lies between 0 and pi/2, got {roll}")
-    return math.sqrt(radius * GRAVITY * math.tan(roll))

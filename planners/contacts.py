@@ -46,9 +46,9 @@ _NOWHERE = 1e-9
 
 CONTACT = np.dtype(
     [
-        ("clearance", np.float64),  # [m], or [m per unit t] for the speed
+        ("clearance", np.float64),  # [m], or [m per unit t] for speed and turns
         ("segment", np.int64),
-        ("what", np.int64),  # disc, or SPEED, LOW, HIGH
+        ("what", np.int64),  # disc, or SPEED, LOW, HIGH, or a side of `planners.turns`
         ("t", np.float64),
         ("weight", np.float64, (4,)),  # w: of the control rows at t
         ("normal", np.float64, (2,)),  # N: in which the clearance grows
@@ -63,15 +63,17 @@ array, coordinates d, its Hessian is w_a w_b (1 - N N')_de q - u_i u_j e."""
 
 
 @compiled
-def _weights(t: float, order: int) -> tuple[float, float, float, float]:
-    """Weights of the control rows in a point (order 0), a derivative (1) or a second (2)."""
+def row_weights(t: float, order: int) -> tuple[float, float, float, float]:
+    """Weights of the control rows in a point (order 0) or a derivative (1 to 3)."""
     if order == 0:
         bend = t * t * (3.0 - 2.0 * t)
         return 1.0 - bend, bend, t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
     if order == 1:
         bend = 6.0 * t * (1.0 - t)
         return -bend, bend, (3.0 * t - 4.0) * t + 1.0, (3.0 * t - 2.0) * t
-    return 12.0 * t - 6.0, 6.0 - 12.0 * t, 6.0 * t - 4.0, 6.0 * t - 2.0
+    if order == 2:
+        return 12.0 * t - 6.0, 6.0 - 12.0 * t, 6.0 * t - 4.0, 6.0 * t - 2.0
+    return 12.0, -12.0, 6.0, 6.0
 
 
 @compiled
@@ -194,7 +196,7 @@ def _record(
     inverse: float,
 ) -> None:
     """Write down a contact whose t is held; `gradients` (room, m) is filled too."""
-    weights = _weights(t, 1 if what == SPEED else 0)
+    weights = row_weights(t, 1 if what == SPEED else 0)
     contact, slope, place = records[count], gradients[count], piece.place
     contact.clearance, contact.segment, contact.what, contact.t = clearance, piece.k, what, t
     contact.normal[0], contact.normal[1] = normal
@@ -251,8 +253,8 @@ def add(
             contact = records[count]
             contact.drift = 1.0 / turn
             wx, wy = (vx - along * nx) * inverse, (vy - along * ny) * inverse
-            weights = _weights(t, 1 if thing.what == SPEED else 0)
-            slopes = _weights(t, 2 if thing.what == SPEED else 1)
+            weights = row_weights(t, 1 if thing.what == SPEED else 0)
+            slopes = row_weights(t, 2 if thing.what == SPEED else 1)
             for a in range(4):
                 contact.mixed[2 * a] = slopes[a] * nx + weights[a] * wx
                 contact.mixed[2 * a + 1] = slopes[a] * ny + weights[a] * wy
@@ -301,7 +303,7 @@ def add_coordinates(
                 _record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
                 contact = records[count]
                 contact.drift = 1.0 / turn
-                slopes = _weights(t, 1)
+                slopes = row_weights(t, 1)
                 for i in range(4):
                     contact.mixed[2 * i] = slopes[i] * normal[0]
                     contact.mixed[2 * i + 1] = slopes[i] * normal[1]

@@ -27,6 +27,7 @@ from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from ferguson_gym.splines import basis, extent
+from ferguson_gym.turn_radius import keeps_turn_radius
 from planners.constraints import ClearanceAt, Constraint, InsideAt, LengthBounds, SpeedAt
 from planners.quadrature import lengths
 from planners.solvers import Slsqp, Solution, Solver
@@ -76,7 +77,10 @@ class WindowSolver(Protocol):
 
 def certify(window: Window, control: Array) -> NDArray[np.bool_]:
     """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,)."""
-    return np.asarray(is_feasible(control, window.field, window.limits, AIM).all(axis=-1))
+    certified = is_feasible(control, window.field, window.limits, AIM)
+    if window.turn_radius > 0.0:
+        certified &= keeps_turn_radius(control, window.turn_radius, AIM)
+    return np.asarray(certified.all(axis=-1))
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,7 @@ from planners.contacts import (
     approach,
     trace,
 )
+from planners.turns import add_turns
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
@@ -60,7 +61,10 @@ class Layout(NamedTuple):
     correction: Array
     """(n,) certified length less quadrature [m], zero but for near-cusps."""
     held: Array
-    """(k, 3) further contacts: segment, disc and parameter, which certification found."""
+    """(k, 3) further contacts: segment, disc or side of a turn, and parameter, which
+    certification found."""
+    turn_radius: float
+    """Least radius of turns [m]; zero allows any."""
 
 
 class Expansion(NamedTuple):
@@ -239,4 +243,8 @@ def expand(
             thing = Thing(SPEED, 0.0, 0.0, layout.slowest)
             count = add_around(contact, gradient, count, piece, thing, reach, least, True, curve)
         count = add_coordinates(contact, gradient, count, piece, layout.bounds, reach)
+        if layout.turn_radius > 0.0:
+            count = add_turns(
+                contact, gradient, count, piece, layout.turn_radius, reach, layout.held
+            )
     return count, _violation(out, count, layout.limits), total, layout.stiffness * bent

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -21,6 +21,7 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.chain import Chain
 from planners.classes import classes
 from planners.distance import DistanceToGo
@@ -29,10 +30,13 @@ from planners.fit import ASIDE, STIFFNESS
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart, beside
 from planners.objectives import LengthObjective
+from planners.pieces import ShortestPath
 from planners.rollout import arriving, rest, roll_out
 from planners.shortest import SPACING
 from planners.starts import along
 from planners.togo_objective import ToGoObjective
+from planners.turned import turned
+from planners.turns import WIDER
 from planners.window import Window, WindowSettings, final_window
 
 
@@ -53,15 +57,27 @@ def _distance_to_go(field: Field) -> DistanceToGo:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guided:
-    """The paper's receding horizon, guided by the exact distance to the goal."""
+    """The paper's receding horizon, guided by the exact distance to the goal.
+
+    Raises:
+        ValueError: a least turn radius that is not finite or not above the tolerance.
+    """
 
     classes: int = 2
     """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
+    detours: int = 6
+    """Further classes, where a turn radius lets these lead to nothing."""
     strides: tuple[float, ...] = (11.0, 7.0, 4.5)
     """Lengths of segments at first [m], likewise."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     settings: WindowSettings = field(default_factory=lambda: WindowSettings(stiffness=STIFFNESS))
     limits: Limits = PAPER_LIMITS
+    min_turn_radius: float | None = None
+    """Least radius of curvature along the whole flight [m], certified; None turns at will."""
+
+    def __post_init__(self) -> None:
+        if self.min_turn_radius is not None:
+            check_turn_radius(self.min_turn_radius, self.limits.tolerance)
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; the seed changes nothing.
@@ -78,7 +94,7 @@ class Guided:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
+        if arriving(field, state) and (left := self._rest(field, state)) is not None:
             return Decision(left, _report(state, began))
         tried: list[tuple[str, Array]] = []
         for start in self.starts(field, state):
@@ -87,28 +103,55 @@ class Guided:
             if end.feasible and self._holds(field, state.vehicle, end.control):
                 return Decision(end.control, _report(state, began, len(tried), start, end), tried)
         # nothing new was found, but what was planned before still leads somewhere
-        left = rest(field, state, self.limits)
+        left = self._rest(field, state)
         return Decision(left, _report(state, began, len(tried)), tried)
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, the best class first, and guesses on and beside them."""
-        togo, vehicle = _distance_to_go(field), state.vehicle
-        paths = classes(togo, vehicle.position, self.classes)
-        for rank, path in enumerate(paths, start=1):
+        vehicle, ways = state.vehicle, []
+        for rank, path in self._ways(field, state):
             points = path.points(SPACING)
-            for stride in self.strides:
-                reach = self.settings.segments * stride
-                final = path.length <= reach
-                segments = math.ceil(path.length / stride) if final else self.settings.segments
-                window = (
-                    final_window(field, vehicle, self.limits, self.settings, segments)
-                    if final
-                    else self.window(field, vehicle, segments)
-                )
-                guess = along(vehicle, points, segments, min(path.length, reach))
+            ways.append((rank, points))
+            for window, guess in self._along(field, vehicle, points, path.length):
                 yield Start(f"class {rank}", window, guess)
                 for side in beside(guess, ASIDE):
                     yield Start(f"beside class {rank}", window, side)
+        for rank, points in ways:
+            for route in self._turned(vehicle, points):
+                length = float(np.linalg.norm(np.diff(route, axis=0), axis=1).sum())
+                for window, guess in self._along(field, vehicle, route, length):
+                    yield Start(f"turned to class {rank}", window, guess)
+
+    def _along(
+        self, field: Field, vehicle: flight.State, points: Array, length: float
+    ) -> Iterator[tuple[Window, Array]]:
+        """Windows and guesses on a route to the goal (m, 2) of some length [m]."""
+        for stride in self.strides:
+            reach = self.settings.segments * stride
+            final = length <= reach
+            segments = math.ceil(length / stride) if final else self.settings.segments
+            window = (
+                self._final_window(field, vehicle, segments)
+                if final
+                else self.window(field, vehicle, segments)
+            )
+            yield window, along(vehicle, points, segments, min(length, reach))
+
+    def _turned(self, vehicle: flight.State, points: Array) -> list[Array]:
+        """A route after turns into it, where they have a radius."""
+        if self.min_turn_radius is None:
+            return []
+        return turned(vehicle, points, WIDER * self.min_turn_radius)
+
+    def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
+        """The shortest paths of the best classes, numbered from 1."""
+        togo, position = _distance_to_go(field), state.vehicle.position
+        best = classes(togo, position, self.classes)
+        yield from enumerate(best, start=1)
+        # not found at once: most flights never need a detour
+        if self.min_turn_radius is not None:
+            every = classes(togo, position, self.classes + self.detours)
+            yield from enumerate(every[len(best) :], start=len(best) + 1)
 
     def window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
         """So many segments, past the obstacles within their reach."""
@@ -120,11 +163,34 @@ class Guided:
             limits=self.limits,
             samples=self.settings.samples,
             stiffness=self.settings.stiffness,
+            turn_radius=self.min_turn_radius or 0.0,
         )
+
+    def _final_window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
+        window = final_window(field, vehicle, self.limits, self.settings, segments)
+        return replace(window, turn_radius=self.min_turn_radius or 0.0)
+
+    def _rest(self, field: Field, state: State) -> Array | None:
+        """What is left of a plan, if it can be flown."""
+        left = rest(field, state, self.limits)
+        if left is None or self.min_turn_radius is None:
+            return left
+        return left if self._flies(field, state.vehicle, left[0]) else None
+
+    def _flies(self, field: Field, vehicle: flight.State, segment: Array) -> bool:
+        """Whether a segment can be flown, rounded as actions are."""
+        step = flight.follow(field, vehicle, segment, self.limits)
+        return step.flown and self._turns(step.control)
+
+    def _turns(self, segment: Array) -> bool:
+        """Whether a segment keeps the turn radius."""
+        if self.min_turn_radius is None:
+            return True
+        return bool(keeps_turn_radius(segment, self.min_turn_radius, self.limits.tolerance))
 
     def _holds(self, field: Field, vehicle: flight.State, chain: Array) -> bool:
         """Whether a chain can be flown and, unless it ends on the goal, be continued."""
-        if not flight.follow(field, vehicle, chain[0], self.limits).flown:
+        if not self._flies(field, vehicle, chain[0]):
             return False
         if np.array_equal(chain[-1, 1], field.goal):
             return True
@@ -132,12 +198,14 @@ class Guided:
         path = _distance_to_go(field).path(end.position)
         if path is None:
             return False
+        points = path.points(SPACING)
         for stride in self.strides:
-            ahead = along(end, path.points(SPACING), 1, min(path.length, stride))
-            if is_feasible(ahead, field, self.limits).all():
+            ahead = along(end, points, 1, min(path.length, stride))
+            if is_feasible(ahead, field, self.limits).all() and self._turns(ahead[0]):
                 return True
-        (further,) = self.solver.solve(self.window(field, end, 1), [ahead])
-        return further.feasible
+        turns = [along(end, route, 1, self.strides[0]) for route in self._turned(end, points)]
+        ends = self.solver.solve(self.window(field, end, 1), [ahead, *turns])
+        return any(further.feasible for further in ends)
 
 
 def _report(

@@ -8,6 +8,7 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 from planners.contacts import Integers
 from planners.expansion import Expansion, Layout
+from planners.turns import LEFT, add_turn_hessian
 
 
 @compiled
@@ -110,9 +111,21 @@ def lagrangian(
                         hessian[i, j] += factor * inner[b, j]
     for row in range(contacts):
         if multiplier[row] != 0.0:
-            _add_contact(
-                hessian, -multiplier[row], here, row, layout.place[here.contact[row].segment]
-            )
+            contact = here.contact[row]
+            place = layout.place[contact.segment]
+            if contact.what > LEFT:
+                _add_contact(hessian, -multiplier[row], here, row, place)
+            else:
+                control = here.control[contact.segment]
+                add_turn_hessian(
+                    hessian,
+                    -multiplier[row],
+                    here.contact,
+                    row,
+                    control,
+                    layout.turn_radius,
+                    place,
+                )
 
 
 @compiled

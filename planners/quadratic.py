@@ -22,6 +22,7 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 from planners.contacts import Integers
 from planners.expansion import Expansion
+from planners.turns import LEFT, SWING
 
 _REACH = 2.5
 """A step of one metre in every point, three in every derivative, moves no point of a curve
@@ -91,7 +92,8 @@ def _fill(
         out.lower[m + k], out.upper[m + k] = limits[0] - here.length[k], limits[1] - here.length[k]
     count = segments
     for row in range(contacts):
-        if here.contact[row].clearance < _REACH * radius:
+        swing = 1.0 if here.contact[row].what > LEFT else SWING
+        if here.contact[row].clearance < swing * _REACH * radius:
             out.slopes[count] = here.slope[row]
             out.lower[m + count] = -here.contact[row].clearance
             out.taken[count - segments] = row

@@ -32,6 +32,7 @@ from planners.exchange import AIM
 from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
 from planners.filter import Filter
 from planners.lagrangian import hand_on, lagrangian
+from planners.turns import WIDER, too_sharp
 from planners.window import Window
 
 _MET = 0.3 * AIM
@@ -40,7 +41,6 @@ _SETTLES = 1e-2
 """Violation [m] from which a search settles in a few steps."""
 _SMALLEST = 1e-7
 """Radius [m] at which a search is stuck."""
-
 CONVERGED = "converged"
 OUTDONE = "outdone by another start"
 DEADLINE = "deadline reached"
@@ -177,6 +177,7 @@ def _layout(window: Window, discs: Discs) -> Layout:
         stiffness=window.stiffness,
         correction=np.zeros(chain.segments),
         held=np.empty((0, 3)),
+        turn_radius=WIDER * window.turn_radius,
     )
 
 
@@ -240,6 +241,7 @@ class Search:
         clear, t = self.window.obstacles.closest(chain)
         segment, disc = np.nonzero(clear < -AIM)
         held = np.column_stack([segment, disc, t[segment, disc]])
+        held = np.vstack([held, too_sharp(chain, self.window.turn_radius, AIM)])
         trail.layout = trail.layout._replace(held=np.vstack([trail.layout.held, held]))
         return len(held) > 0
 

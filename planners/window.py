@@ -51,6 +51,8 @@ class Window:
     """The paper's n_s."""
     stiffness: float
     """Weight of the bending in the objective [1/m]; the paper has none."""
+    turn_radius: float = 0.0
+    """Least radius of turns [m]; zero allows any."""
 
     @property
     def box(self) -> tuple[Array, Array]:
@@ -73,7 +75,16 @@ class Window:
         return admitted
 
     def sampled(self) -> Problem:
-        """The window as the paper's programme, clearance required at samples."""
+        """The window as the paper's programme, clearance required at samples.
+
+        Raises:
+            ValueError: a least turn radius, which samples do not hold.
+        """
+        if self.turn_radius > 0.0:
+            raise ValueError(
+                f"the sampled programme knows no turn radius, got {self.turn_radius} m; "
+                "planners.multi_start.MultiStart keeps one"
+            )
         return _sampled(self)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.splines import curvature, derivative, subdivide
-from ferguson_gym.turning import bending_energy, fastest_turn
+from ferguson_gym.turning import bending_energy, fastest_turn, tightest_turn
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(300)
 LINE = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 4.0]])
@@ -63,6 +63,7 @@ def test_the_papers_example_is_just_over_seven_metres_a_second() -> None:
     for radius, roll in ((3.0, np.pi / 3), (40.0, 0.4)):
         speed = fastest_turn(radius, roll)
         assert speed**2 / (9.81 * np.tan(roll)) == pytest.approx(radius, rel=1e-14)
+        assert tightest_turn(speed, roll) == pytest.approx(radius, rel=1e-14)
     assert fastest_turn(np.inf) == np.inf
     assert fastest_turn(0.0) == 0.0
 
@@ -79,3 +80,16 @@ def test_the_papers_example_is_just_over_seven_metres_a_second() -> None:
 def test_what_is_no_turn_is_refused(radius: float, roll: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         fastest_turn(radius, roll)
+
+
+@pytest.mark.parametrize(
+    ("speed", "roll", "message"),
+    [
+        (-1.0, 1.0, "a speed is at least 0 m/s, got -1"),
+        (np.nan, 1.0, "a speed is at least 0 m/s, got nan"),
+        (7.0, 0.0, "between 0 and pi/2, got 0"),
+    ],
+)
+def test_what_is_no_speed_is_refused(speed: float, roll: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        tightest_turn(speed, roll)

@@ -1,0 +1,50 @@
+"""Routes that leave as the vehicle is heading and turn into another route on a circle."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.flight import State
+
+_FAR = 4.0
+"""A circle is left for the route's first point this many radii away, or its last."""
+_ANGLES = np.linspace(0.0, 2.0 * math.pi, 145)
+
+
+def turned(state: State, points: Array, radius: float) -> list[Array]:
+    """The route after a turn to the left and after one to the right.
+
+    Obstacles are not looked at, and where the way from a circle meets the route it has a corner:
+    they are first guesses.
+
+    Args:
+        state: whose position and heading the routes leave with.
+        points: (m, 2) of a route [m].
+        radius: of the circles [m].
+
+    Returns:
+        Points (k, 2) of each route; a turn that never faces the route is left out.
+    """
+    away = np.linalg.norm(points - state.position, axis=1) >= _FAR * radius
+    meeting = int(away.argmax()) if away.any() else len(points) - 1
+    forward = math.atan2(state.derivative[1], state.derivative[0])
+    routes = []
+    for side in (1.0, -1.0):
+        heading = forward + side * _ANGLES
+        ahead = np.stack([np.cos(heading), np.sin(heading)], axis=1)
+        out = side * radius * np.stack([ahead[:, 1], -ahead[:, 0]], axis=1)
+        arc = state.position + out - out[0]
+        offset = points[meeting] - arc
+        along = np.sum(offset * ahead, axis=1)
+        across = side * (ahead[:, 0] * offset[:, 1] - ahead[:, 1] * offset[:, 0])
+        # the heading passes the meeting point: the circle has turned far enough
+        if (facing := (across[:-1] > 0.0) & (across[1:] <= 0.0) & (along[1:] > 0.0)).any():
+            count = int(facing.argmax()) + 2
+            chord = math.dist(arc[count - 1], points[meeting])
+            share = np.linspace(0.0, 1.0, max(2, math.ceil(chord)))[1:-1, None]
+            line = arc[count - 1] + share * (points[meeting] - arc[count - 1])
+            routes.append(np.concatenate([arc[:count], line, points[meeting:]]))
+    return routes
