@@ -93,6 +93,9 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument(
         "--backtrack", action="store_true", help="take the best open branch out of dead ends"
     )
+    plan.add_argument(
+        "--turn-radius", type=float, metavar="R", help="turn no sharper than R metres (guided)"
+    )
     plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     plan.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)")
     plan.set_defaults(prepare=_prepare_plan)
@@ -161,7 +164,7 @@ def _prepare_plan(options: argparse.Namespace) -> Job:
     from agents.warm_up import warm
     from planners.catalog import make
 
-    name = named(options.planner, options.backtrack, options.sensing_range)
+    name = named(options.planner, options.backtrack, options.sensing_range, options.turn_radius)
     make(name)  # refuses unknown names, and options that do not fit
     field = one(options.field)
     depart(field)  # refuses what cannot be flown

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from planners.astar import AStar
 from planners.backtracking import Backtracking
@@ -107,15 +108,16 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
 """Makers of planners by name."""
 
 
-OPTIONS = "NAME+backtrack, NAME+sensing=METRES or both"
+OPTIONS = "NAME+turn=METRES, or NAME+backtrack, NAME+sensing=METRES or both"
 """How a planner's name carries options, for people."""
 
 
 def make(name: str) -> Planner:
     """The planner of this name, with the options that it carries.
 
-    `guided+sensing=20` knows the obstacles within 20 m of where it has been,
-    `multi-start+backtrack` is led out of the dead ends that it is caught in.
+    `guided+turn=3` keeps a turn radius of 3 m, `guided+sensing=20` knows the obstacles within
+    20 m of where it has been, `multi-start+backtrack` is led out of the dead ends that it is
+    caught in.
 
     Raises:
         ValueError: there is none, its library is not installed, or an option is unknown, does
@@ -125,24 +127,37 @@ def make(name: str) -> Planner:
     if plain not in PLANNERS:
         raise ValueError(f"unknown planner {plain!r}; planners are {', '.join(PLANNERS)}")
     planner = PLANNERS[plain]()
+    labels = [option.partition("=")[0] for option in options]
+    if len(set(labels)) < len(labels):
+        raise ValueError(f"planner {name!r} carries an option twice")
+    if "turn" in labels and len(labels) > 1:
+        raise ValueError(
+            f"planner {name!r}: a turn radius is not kept where a planner backtracks or senses; "
+            "leave one out"
+        )
     # sorted: what backtracks knows no more than what is sensed
     for option in sorted(options):
         planner = _with_option(planner, plain, option)
-    if len({option.partition("=")[0] for option in options}) < len(options):
-        raise ValueError(f"planner {name!r} carries an option twice")
     return planner
 
 
-def named(plain: str, backtrack: bool, sensing: float | None) -> str:
-    """The name of a planner with these options; the sensing range is in m."""
+def named(plain: str, backtrack: bool, sensing: float | None, turn: float | None) -> str:
+    """The name of a planner with these options; sensing range and turn radius are in m."""
     name = plain + "+backtrack" * backtrack
-    return name if sensing is None else f"{name}+sensing={str(sensing).removesuffix('.0')}"
+    for label, value in (("sensing", sensing), ("turn", turn)):
+        if value is not None:
+            name += f"+{label}={str(value).removesuffix('.0')}"
+    return name
 
 
 def _with_option(planner: Planner, plain: str, option: str) -> Planner:
     label, _, value = option.partition("=")
-    if option != "backtrack" and label != "sensing":
+    if option != "backtrack" and label not in ("sensing", "turn"):
         raise ValueError(f"unknown option {option!r} of planner {plain!r}; need {OPTIONS}")
+    if label == "turn":
+        if not isinstance(planner, Guided):
+            raise ValueError(f"planner {plain!r} keeps no turn radius; guided does")
+        return replace(planner, min_turn_radius=_metres("a turn radius", value))
     if not isinstance(planner, Replanner):
         raise ValueError(
             f"planner {plain!r} plans its whole path at once and has no option {label}; "
@@ -150,8 +165,11 @@ def _with_option(planner: Planner, plain: str, option: str) -> Planner:
         )
     if label == "backtrack":
         return Backtracking(planner=planner, guide=Guided())
+    return Sensing(planner=planner, reach=_metres("a sensing range", value))
+
+
+def _metres(what: str, value: str) -> float:
     try:
-        reach = float(value)
+        return float(value)
     except ValueError:
-        raise ValueError(f"a sensing range is a number of metres, got {value!r}") from None
-    return Sensing(planner=planner, reach=reach)
+        raise ValueError(f"{what} is a number of metres, got {value!r}") from None

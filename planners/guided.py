@@ -95,16 +95,16 @@ class Guided:
         """
         began = time.perf_counter()
         if arriving(field, state) and (left := self._rest(field, state)) is not None:
-            return Decision(left, _report(state, began))
+            return Decision(left, _report(state, began, []))
         tried: list[tuple[str, Array]] = []
+        ends: list[Certified] = []
         for start in self.starts(field, state):
             tried.append((start.name, start.guess))
-            (end,) = self.solver.solve(start.window, [start.guess])
-            if end.feasible and self._holds(field, state.vehicle, end.control):
-                return Decision(end.control, _report(state, began, len(tried), start, end), tried)
+            ends += self.solver.solve(start.window, [start.guess])
+            if ends[-1].feasible and self._holds(field, state.vehicle, ends[-1].control):
+                return Decision(ends[-1].control, _report(state, began, ends, start), tried)
         # nothing new was found, but what was planned before still leads somewhere
-        left = self._rest(field, state)
-        return Decision(left, _report(state, began, len(tried)), tried)
+        return Decision(self._rest(field, state), _report(state, began, ends), tried)
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, the best class first, and guesses on and beside them."""
@@ -209,29 +209,24 @@ class Guided:
 
 
 def _report(
-    state: State,
-    began: float,
-    tried: int = 0,
-    start: Start | None = None,
-    kept: Certified | None = None,
+    state: State, began: float, ends: list[Certified], kept: Start | None = None
 ) -> WindowReport:
-    if start is None or kept is None:
-        name = "" if tried else "planned"
-        return WindowReport(
-            step=state.vehicle.segments,
-            start=name,
-            starts=tried,
-            seconds=time.perf_counter() - began,
-        )
-    return WindowReport(
+    """On some searches, the last of them from the start that was kept."""
+    report = WindowReport(
         step=state.vehicle.segments,
-        start=start.name,
-        objective=kept.solution.objective,
-        starts=tried,
-        feasible=1,
-        final=isinstance(start.window.objective, LengthObjective),
-        evaluations=kept.evaluations,
-        rounds=kept.rounds,
-        solver_status=kept.solution.status,
+        start="" if ends else "planned",
+        starts=len(ends),
+        feasible=sum(end.feasible for end in ends),
+        evaluations=sum(end.evaluations for end in ends),
         seconds=time.perf_counter() - began,
+    )
+    if kept is None:
+        return report
+    return replace(
+        report,
+        start=kept.name,
+        objective=ends[-1].solution.objective,
+        final=isinstance(kept.window.objective, LengthObjective),
+        rounds=ends[-1].rounds,
+        solver_status=ends[-1].solution.status,
     )

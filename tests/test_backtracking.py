@@ -1,6 +1,6 @@
 """Backtracking: when it leads, where it leads, how many more flights arrive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -104,9 +104,13 @@ def test_impatience_is_refused() -> None:
 
 
 def test_names_carry_options() -> None:
-    assert named("guided", False, None) == "guided"
-    assert named("guided", True, 20.0) == "guided+backtrack+sensing=20"
-    assert repr(make("guided+sensing=20+backtrack")) == repr(make(named("guided", True, 20.0)))
+    assert named("guided", False, None, None) == "guided"
+    assert named("guided", True, 20.0, None) == "guided+backtrack+sensing=20"
+    assert named("guided", False, None, 2.5) == "guided+turn=2.5"
+    assert make("guided+turn=2.5") == replace(make("guided"), min_turn_radius=2.5)
+    assert repr(make("guided+sensing=20+backtrack")) == repr(
+        make(named("guided", True, 20.0, None))
+    )
 
 
 @pytest.mark.parametrize(
@@ -120,6 +124,10 @@ def test_names_carry_options() -> None:
         ("guided+wings", "unknown option 'wings' of planner 'guided'; need NAME"),
         ("guided+backtrack=3", "unknown option 'backtrack=3'"),
         ("guided+backtrack+backtrack", "carries an option twice"),
+        ("guided+turn=2+sensing=20", "leave one out"),
+        ("multi-start+turn=2", "keeps no turn radius; guided does"),
+        ("guided+turn=wide", "a turn radius is a number of metres, got 'wide'"),
+        ("guided+turn=0", "turn radius"),
         ("ace+backtrack", "unknown planner 'ace'; planners are single-start"),
     ],
 )
