@@ -13,7 +13,7 @@ from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
-from learnability import CHOSEN
+from learnability import CHOSEN, PHASES
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from stable_baselines3 import PPO
@@ -41,7 +41,7 @@ def main(results: Path, picture: Path) -> None:
         for key, label in (("spl", "SPL"), ("success", "success")):
             axes.plot(millions, [point[key] for point in curve], label=label)
         axes.axhline(AROUND, ls=":", color="#555555", lw=1)
-        axes.text(0.05, AROUND + 0.01, "SPL of flying around", fontsize=7)
+        axes.text(millions[-1], AROUND - 0.04, "SPL of flying around", fontsize=7, ha="right")
         axes.set(xlabel="million steps", xlim=0, ylim=(0, 1), title="standard/validation:0-199")
         axes.legend(loc="lower right", frameon=False)
         for panel, name in zip(panels, FIELDS, strict=True):
@@ -50,8 +50,9 @@ def main(results: Path, picture: Path) -> None:
             over = False
             while not over:
                 flat = np.concatenate(list(seen.values()))
-                action, _ = model.predict(flat, deterministic=True)
-                seen, _, terminated, truncated, info = env.step(np.clip(action, -1.0, 1.0))
+                choice, _ = model.predict(flat, deterministic=True)
+                (action,) = PHASES[-1].variant.act(choice[None]).astype(np.float32)
+                seen, _, terminated, truncated, info = env.step(action)
                 over = terminated or truncated
             field = one(name)
             draw_field(panel, field)

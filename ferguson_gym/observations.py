@@ -152,7 +152,7 @@ def _within_view(
     return number
 
 
-@compiled_in_place
+@compiled
 def _nearest(
     mask: Single,
     rows: Single,
@@ -193,7 +193,7 @@ def _nearest(
             mask[j] = 1.0
 
 
-@compiled_in_place
+@compiled
 def _ranges(
     ranges: Single,
     ways: Single,

@@ -100,7 +100,7 @@ def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
     return _margin(_largest_norm(points, CUBIC, axes), largest)
 
 
-@compiled_in_place
+@compiled
 def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
     largest2 = 0.0
     for i in range(len(rows)):
@@ -111,7 +111,7 @@ def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
     return float(np.sqrt(largest2))
 
 
-@compiled_in_place
+@compiled
 def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
     """Least component of Bézier points along their sum; no point of the curve has less."""
     total2 = 0.0
@@ -295,7 +295,7 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
     return max(0.0, norm - margin), where
 
 
-@compiled_in_place
+@compiled
 def segment_room(control: Array, bounds: Array, enough: float) -> float:
     """Least distance of one segment (4, D) inside the bounds (2, D) [m].
 
