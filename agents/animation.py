@@ -91,7 +91,11 @@ class Painter:
         return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3], dtype=np.uint8)
 
     def _draw(self, axes: Axes, shot: Shot) -> None:
-        if shot.origin is not None:
+        togo = self._togo
+        if shot.known is not None:
+            togo = _distance_to_go(shot.known)
+            drawing.draw_obstacles(axes, shot.known.obstacles, drawing.SEEN)
+        elif shot.origin is not None:
             _draw_reach(axes, self._field, shot.origin, shot.reach)
         axes.plot(*self._shortest.T, color="black", lw=0.8, alpha=0.45, zorder=2)
         if shot.route is not None:
@@ -105,7 +109,7 @@ class Painter:
             _draw_chains(axes, [shot.plan], lw=2.0, zorder=3)
             knots = shot.plan[:, 1]
             axes.plot(*knots.T, "o", mfc="white", mec=drawing.HORIZON, mew=0.9, ms=3.2, zorder=4)
-            ahead = None if self._togo is None else self._togo.path(knots[-1])
+            ahead = None if togo is None else togo.path(knots[-1])
             if ahead is not None:
                 axes.plot(*ahead.points(0.5).T, ":", color=drawing.HORIZON, lw=1.2, zorder=3)
         drawing.draw_path(axes, shot.flown)

@@ -10,6 +10,7 @@ import numpy as np
 from agents.flights import Flight
 from ferguson_gym.arc_length import length
 from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.splines import derivative, evaluate
 
@@ -53,6 +54,8 @@ class Shot:
     """(2,) where the plan was made, if it looked only so far [m]."""
     reach: float = 0.0
     """How far it looked from there [m]."""
+    known: Field | None = None
+    """The field as far as the planner knew it; None: all of it."""
     route: Array | None = None
     """Points (n, 2) that a plan of the whole path came from."""
     refused: Array | None = None
@@ -131,6 +134,7 @@ def _intent(flight: Flight, step: int, shot: Shot) -> Shot:
         start=chosen[-1] if chosen else None,
         origin=shot.position if searched else None,
         reach=len(candidates[-1]) * PAPER_LIMITS.longest if searched else 0.0,
+        known=decision.known,
     )
 
 

@@ -102,6 +102,8 @@ class Decision:
     candidates: Sequence[tuple[str, Array]] = ()
     """First guesses (n, 4, 2) that were searched from, by name; the last one of the name
     `report.start` led to the chain. None from planners that solve nothing."""
+    known: Field | None = None
+    """The field as far as the planner knew it; None: all of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

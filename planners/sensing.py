@@ -69,7 +69,7 @@ class Sensing:
             if flown and is_feasible(halves[1], seen, self.limits):
                 chain = np.concatenate([halves, chain[1:]])
         report = replace(decision.report, seconds=time.perf_counter() - began)
-        return Decision(chain, report)
+        return replace(decision, chain=chain, report=report, known=seen)
 
     def _leaves_room(self, field: Field, segment: Array) -> bool:
         """Whether there is room to turn between the end of a segment and what is not seen yet.

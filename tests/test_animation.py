@@ -11,13 +11,14 @@ from PIL import Image
 
 from agents.animation import Painter, animate
 from agents.command_line import main
-from agents.flights import Flight, fly
+from agents.flights import Flight, fly, fly_by_name
 from agents.gif import COLOURS, Palette, write_gif
 from agents.policies import expert
 from agents.progress import still_bar
 from agents.shots import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
 from agents.warm_up import small_field
 from ferguson_gym.arc_length import length
+from ferguson_gym.catalog import one
 from ferguson_gym.drawing import OBSTACLE, SEEN
 from ferguson_gym.fields import Field, to_json
 from ferguson_gym.obstacles import Discs
@@ -270,3 +271,12 @@ def test_bad_input_is_one_line_and_status_two(
     assert err.count("\n") == 1
     assert message in err
     assert [path.name for path in tmp_path.iterdir()] == ["taken.gif"]
+
+
+def test_what_a_planner_did_not_know_stays_pale() -> None:
+    field = one("standard/train:0")
+    flight = fly_by_name("guided+sensing=20", field, 0)
+    counts = [len(shot.known.obstacles) for shot in shots(flight) if shot.known is not None]
+    assert counts == sorted(counts)
+    assert 0 < counts[0] < counts[-1] <= len(field.obstacles)
+    assert all(len(decision.candidates) > 0 for decision in flight.decisions[:3])
