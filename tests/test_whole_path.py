@@ -120,7 +120,9 @@ def test_segments_left_bound_the_fit() -> None:
 def test_where_no_segments_are_left_nothing_is_fitted(flown: int) -> None:
     vehicle = flight.State(OPEN.start, OPEN.departure, flown)
     plan = make("shortest").plan(OPEN, State(vehicle), 0)
-    assert (plan.status, len(plan.control)) == (Status.NOT_FITTED, 0)
+    assert (plan.status, len(plan.control)) == (Status.OUT_OF_SEGMENTS, 0)
+    straight = np.stack([OPEN.start, OPEN.goal])
+    assert fit(straight, OPEN, vehicle, PAPER_LIMITS) is None
 
 
 def test_a_heading_into_a_disc_cannot_be_fitted() -> None:
