@@ -88,10 +88,11 @@ def _parser() -> argparse.ArgumentParser:
         "--sensing-range",
         type=float,
         metavar="R",
-        help="know only the obstacles within R metres of where the vehicle has been",
+        help="know only the obstacles within R metres of where the vehicle has been; at least 15, "
+        "for single-start, multi-start and guided",
     )
     plan.add_argument(
-        "--backtrack", action="store_true", help="take the best open branch out of dead ends"
+        "--backtrack", action="store_true", help="out of a dead end, be led along the shortest way"
     )
     plan.add_argument(
         "--turn-radius", type=float, metavar="R", help="turn no sharper than R metres (guided)"

@@ -85,6 +85,9 @@ def bench(request: Request, out: Path) -> list[Run]:
         if one["failures"]:
             causes = ", ".join(f"{number} {cause}" for cause, number in one["failures"].items())
             console.print(f"{one['planner']} failed: {causes}", markup=False)
+    console.print(
+        f"wrote planners.csv, planners.log, summary.json, pictures to {out}", markup=False
+    )
     return finished
 
 
