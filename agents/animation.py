@@ -54,7 +54,8 @@ class Painter:
     dotted.
     """
 
-    def __init__(self, field: Field, title: str) -> None:
+    def __init__(self, field: Field, title: str, *, surveyed: bool = True) -> None:
+        """Distances are shown of a field that was surveyed: of obstacles all known before."""
         title = title if len(title) <= _TITLE else title[: _TITLE - 1] + "\N{HORIZONTAL ELLIPSIS}"
         self._field = field
         low, high = field.bounds
@@ -69,7 +70,7 @@ class Painter:
         self._shortest = np.empty((0, 2)) if path is None else path.points(0.5)
         with mpl.rc_context(drawing.style()):
             axes = self._figure.add_axes(place)
-            if self._togo is not None:
+            if self._togo is not None and surveyed:
                 _draw_levels(axes, field, self._togo)
             drawing.draw_field(axes, field)
             axes.set(xticks=[], yticks=[])
@@ -176,7 +177,9 @@ def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]
 def animate(flight: Flight, path: Path, progress: Progress) -> int:
     """Write a flight as a GIF; returns the number of frames."""
     told = list(shots(flight))
-    painter = Painter(flight.field, f"{flight.policy} on {flight.field.name}")
+    surveyed = all(shot.known is None for shot in told)
+    title = f"{flight.policy} on {flight.field.name}"
+    painter = Painter(flight.field, title, surveyed=surveyed)
     some = np.linspace(0, len(told) - 1, _SAMPLES).astype(int)
     palette = Palette([painter.paint(told[k]) for k in some])
     frames = map(painter.paint, progress.track(told, description="frames"))
