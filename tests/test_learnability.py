@@ -11,7 +11,8 @@ ROOT = Path(__file__).parent.parent
 TRAINING = """
 import sys
 from pathlib import Path
-from benchmarks import learnability
+sys.path.insert(0, "benchmarks")
+import learnability
 learnability.EVERY = 8192
 learnability.CHOSEN_ON = learnability.REPORTED_ON = "sparse/validation:0-3"
 learnability.train(float(sys.argv[1]), 0, Path(sys.argv[2]))
