@@ -154,7 +154,9 @@ def test_a_budget_in_seconds_is_kept(name: str) -> None:
     began = time.perf_counter()
     field = ring(100.0)
     assert router.route(field, flight.depart(field), 0) is None
-    assert 0.3 <= time.perf_counter() - began < 3.0
+    # a roadmap is not grown on where its next search would end too late
+    least = 0.15 if name == "prm" else 0.3
+    assert least <= time.perf_counter() - began < 3.0
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
