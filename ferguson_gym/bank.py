@@ -34,6 +34,21 @@ class World(NamedTuple):
     """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
 
 
+def planar_discs(field: Field) -> Discs:
+    """The obstacles of a field, which environments show and step through.
+
+    Raises:
+        TypeError: obstacles other than discs.
+        ValueError: a field that is not planar.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs):
+        raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
+    if discs.dimension != 2:
+        raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
+    return discs
+
+
 class Bank:
     """Holds fields of at most M = `capacity` discs.
 
@@ -56,7 +71,7 @@ class Bank:
         Raises:
             TypeError, ValueError: as `check`, but for the number of discs.
         """
-        capacity = len(self._discs(field))
+        capacity = len(planar_discs(field))
         old = self.world.discs
         if capacity > old.shape[2]:
             used = slice(self.used)
@@ -73,22 +88,11 @@ class Bank:
             TypeError: obstacles other than discs.
             ValueError: a field that is not planar, or with more discs than fit.
         """
-        if (number := len(self._discs(field))) > self.capacity:
+        if (number := len(planar_discs(field))) > self.capacity:
             raise ValueError(
                 f"field {field.name} has {number} obstacles, the environment holds at most "
                 f"{self.capacity}: make it with capacity={number} or more"
             )
-
-    @staticmethod
-    def _discs(field: Field) -> Discs:
-        discs = field.obstacles
-        if not isinstance(discs, Discs):
-            raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
-        if discs.dimension != 2:
-            raise ValueError(
-                f"flights are planar, field {field.name} has {discs.dimension} dimensions"
-            )
-        return discs
 
     def put(self, slot: int, field: Field) -> None:
         """Lay out a field that was checked."""

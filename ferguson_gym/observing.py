@@ -1,0 +1,49 @@
+"""What a pilot sees from any state of a flight, without an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ferguson_gym.bank import planar_discs
+from ferguson_gym.fields import Field
+from ferguson_gym.flight import State
+from ferguson_gym.observations import Observation, entries_of, look
+from ferguson_gym.settings import Settings
+
+
+def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Observation:
+    """Observations (n, size) by entry, as an environment with these settings gives them.
+
+    Args:
+        field: that all of the vehicles fly.
+        vehicles: n states.
+        settings: of the environment.
+
+    Raises:
+        TypeError: obstacles other than discs.
+        ValueError: a field that is not planar.
+    """
+    discs = planar_discs(field)
+    sizes, count = settings.layout.entries(), len(vehicles)
+    seen = np.empty(count * sum(sizes.values()), np.float32)
+    columns = np.ascontiguousarray(discs.centers.T)
+    work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
+    for i, vehicle in enumerate(vehicles):
+        look(
+            seen,
+            i,
+            count,
+            settings.layout,
+            vehicle.position,
+            vehicle.derivative,
+            1.0 - vehicle.segments / settings.limits.segments,
+            field.goal,
+            field.bounds,
+            columns,
+            discs.radii,
+            work,
+            found,
+        )
+    return entries_of(seen, sizes, count)

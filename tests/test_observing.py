@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ferguson_gym import flight
+from ferguson_gym.catalog import one
+from ferguson_gym.environment import ObstacleField
+from ferguson_gym.observing import observe
+from ferguson_gym.settings import Settings
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [{}, {"observation": "rays"}, {"nearest": 60, "focus": 9.0, "segments": 9}],
+    ids=["discs", "rays", "other"],
+)
+def test_what_is_seen_from_states_is_what_the_environment_shows_there(
+    arguments: dict[str, Any],
+) -> None:
+    env = ObstacleField(**arguments)
+    field = one("sparse/train:3")
+    shown, _ = env.reset(options={"field": field})
+    expected, vehicles = [shown], [env.state]
+    for turn in (0.0, 0.1, -0.05):
+        shown, *_ = env.step(np.array([0.0, turn, 0.0, 0.0], np.float32))
+        expected.append(shown)
+        vehicles.append(env.state)
+    assert vehicles[-1].segments == 3
+    seen = observe(field, vehicles, Settings(**arguments))
+    assert list(seen) == list(shown)
+    for key, values in seen.items():
+        np.testing.assert_array_equal(values, [one[key] for one in expected])
+
+
+def test_nothing_is_seen_of_no_states() -> None:
+    field = one("sparse/train:3")
+    seen = observe(field, [], Settings())
+    assert seen["goal"].shape == (0, 3)
+    (only,) = observe(field, [flight.depart(field)], Settings())["goal"]
+    assert only[0] > 0.0
