@@ -55,8 +55,8 @@ def namespace_of(dataset_id: str) -> str:
     match = _ID.fullmatch(dataset_id)
     if match is None:
         raise ValueError(
-            "a dataset's id is NAME-vN or NAMESPACE/NAME-vN (a namespace has two letters or more), for example ferguson/guided-v0, "
-            f"got {dataset_id!r}"
+            "a dataset's id is NAME-vN or NAMESPACE/NAME-vN, for example ferguson/guided-v0, "
+            f"with a namespace of two letters or more; got {dataset_id!r}"
         )
     return match["namespace"].rstrip("/")
 
