@@ -174,7 +174,7 @@ def flown(place: Path, request: Request) -> Iterator[Episode]:
     """The episodes of all fields in order, when no chunk is missing; failed ones, too.
 
     Raises:
-        ValueError: a chunk cannot be read.
+        OSError: a chunk cannot be read.
     """
     for number in range(request.chunks):
         path = _file(place, request, number)
@@ -182,7 +182,7 @@ def flown(place: Path, request: Request) -> Iterator[Episode]:
             with path.open("rb") as file, np.load(file, allow_pickle=False) as packed:
                 yield from unpack(packed)
         except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-            raise ValueError(f"{path} is damaged ({error}): remove it, and run again") from None
+            raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
 
 
 def _fly_chunk(expert: str, arguments: str, fields: list[str], path: Path) -> int:

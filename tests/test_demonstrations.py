@@ -200,7 +200,7 @@ def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
     fly_all(tmp_path, request)
     (chunk,) = tmp_path.glob("chunk-*")
     chunk.write_bytes(chunk.read_bytes()[:3000])
-    with pytest.raises(ValueError, match=rf"{chunk.name} is damaged .*: remove it, and run again"):
+    with pytest.raises(OSError, match=rf"{chunk.name} is damaged .*: remove it, and run again"):
         list(work.flown(tmp_path, request))
     chunk.unlink()
     assert len(fly_all(tmp_path, request)) == 4
