@@ -100,7 +100,7 @@ def test_fields_of_several_suites_have_no_suite_in_common() -> None:
 
 
 def test_the_number_of_workers_changes_nothing(tmp_path: Path) -> None:
-    request = wanted("sparse/train:0-24")
+    request = wanted("sparse/train:0-14")
     alone = fly_all(tmp_path / "one", request)
     together = fly_all(tmp_path / "two", request, workers=2)
     assert [episode.field for episode in alone] == request.fields
@@ -109,24 +109,24 @@ def test_the_number_of_workers_changes_nothing(tmp_path: Path) -> None:
 
 
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
-    request, place = wanted("sparse/train:0-79"), tmp_path / "work"
+    request, place = wanted("sparse/train:0-49"), tmp_path / "work"
     program = (
         "import sys; from pathlib import Path; from agents import demonstrations_work as work\n"
-        "request = work.Request(expert='guided', specs=('sparse/train:0-79',), "
+        "request = work.Request(expert='guided', specs=('sparse/train:0-49',), "
         "arguments={'observation': 'discs'}, software={'versions': {}, 'commit': None})\n"
         "place = Path(sys.argv[1])\n"
         "list(work.fly(place, request, work.begin(place, request), 1))"
     )
     run = subprocess.Popen([sys.executable, "-c", program, str(place)])
     try:
-        assert until(lambda: len(list(place.glob("chunk-*"))) >= 2, 60.0)
+        assert until(lambda: len(list(place.glob("chunk-*"))) >= 1, 60.0)
     finally:
         run.kill()
         run.wait()
     assert run.returncode == -signal.SIGKILL
     kept = {path: path.stat().st_mtime_ns for path in place.glob("chunk-*")}
     missing = work.begin(place, request)
-    assert 0 < len(missing) <= 8 - len(kept)
+    assert 0 < len(missing) == 5 - len(kept)
     resumed = fly_all(place, request)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept  # not flown again
     for one, other in zip(resumed, fly_all(tmp_path / "whole", request), strict=True):
