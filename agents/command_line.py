@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents import bench_commands
+from agents import bench_commands, demos_command
 from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seed, seeds
 from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
@@ -153,6 +153,18 @@ def _parser() -> argparse.ArgumentParser:
     animate.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .gif")
     animate.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
     animate.set_defaults(prepare=_prepare_animate)
+
+    demos = commands.add_parser(
+        "demos",
+        help="record an expert's flights",
+        description=(
+            "Fly a planner through fields in the environment and write its flights as a Minari "
+            "dataset (pip install 'ferguson-gym[demos]'). Failed flights are left out and counted."
+        ),
+        epilog="example: ferguson demos --expert guided --fields standard/train:0-999 "
+        "--out ferguson/guided-v0 --workers 2",
+    )
+    demos_command.add_to(demos)
 
     bench = commands.add_parser("bench", help="measure things side by side in one run")
     bench_commands.add_to(bench)
