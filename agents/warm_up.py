@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 
+from agents.policies import make_planner
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from planners.catalog import make
 from planners.interface import Planner, depart
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
@@ -49,7 +49,7 @@ def warm(name: str, seconds: float | None = None) -> Planner:
     Raises:
         ValueError: an unknown planner, or its library is not installed.
     """
-    planner = with_seconds(make(name), seconds)
+    planner = with_seconds(make_planner(name), seconds)
     field = small_field()
     with_seconds(planner, _SECONDS).plan(field, depart(field), 0)
     return planner
