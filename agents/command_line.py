@@ -124,8 +124,9 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="P",
         help=f"a planner ({names}), with options {OPTIONS}; single-start and "
-        "multi-start with +from=POLICY, which starts from that policy's proposals; may be given several "
-        "times",
+        "multi-start with +from=POLICY, which starts from that policy's proposals; any policy that "
+        "decides step by step with +shield, where guided takes over doubtful steps; may be given "
+        "several times",
     )
     evaluate.add_argument(
         "--fields",

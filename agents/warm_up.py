@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from agents.policies import make_planner
+from agents.policies import SHIELDED, make_planner
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
@@ -34,6 +34,14 @@ def compile_kernels() -> None:
     env.step(np.zeros(4, np.float32))
     exact_length(field)
     field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
+
+
+def warm_policy(name: str) -> None:
+    """As `warm`, for whatever a policy's name asks for."""
+    plain = name.removesuffix(SHIELDED)
+    if plain != name:
+        warm("guided")  # which takes over
+    warm(plain)
 
 
 @cache
