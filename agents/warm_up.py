@@ -10,6 +10,7 @@ from agents.policies import SHIELDED, make_planner
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
+from planners.catalog import PLANNERS
 from planners.interface import Planner, depart
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
@@ -37,11 +38,12 @@ def compile_kernels() -> None:
 
 
 def warm_policy(name: str) -> None:
-    """As `warm`, for whatever a policy's name asks for."""
+    """Warm the planners that a policy's name asks for."""
     plain = name.removesuffix(SHIELDED)
     if plain != name:
         warm("guided")  # which takes over
-    warm(plain)
+    if plain.partition("+")[0] in PLANNERS:
+        warm(plain)
 
 
 @cache

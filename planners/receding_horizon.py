@@ -89,7 +89,6 @@ class RecedingHorizon:
                 if self._flies(field, vehicle, arrival):
                     report = _report(state, name, arrival, solved, began, until)
                     return Decision(arrival.control, replace(report, final=True), begun)
-        arrivals = len(solved)
         for solver, starts in self._rounds(window, state, seed, proposed):
             names, guesses = zip(*starts, strict=True)
             ends = solver.solve(window, guesses, until)
@@ -97,7 +96,7 @@ class RecedingHorizon:
             begun += starts[: len(ends)]
             # sorting is stable: the first of equal chains wins, as in the paper
             ranked = sorted(
-                ((name, end) for name, end in solved[arrivals:] if end.feasible),
+                ((name, end) for name, end in solved if end.feasible),
                 key=lambda pair: pair[1].solution.objective,
             )
             for name, kept in ranked:
