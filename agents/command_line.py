@@ -97,6 +97,11 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument(
         "--turn-radius", type=float, metavar="R", help="turn no sharper than R metres (guided)"
     )
+    plan.add_argument(
+        "--start-from",
+        metavar="AGENT",
+        help="start from what an agent, or any other policy, would fly (single-start, multi-start)",
+    )
     plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     plan.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)")
     plan.set_defaults(prepare=_prepare_plan)
@@ -118,7 +123,10 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="P",
-        help=f"a planner ({names}), with options {OPTIONS}; may be given several times",
+        help=f"a planner ({names}), with options {OPTIONS}; single-start and "
+        "multi-start with +from=POLICY, which starts from that policy's proposals; any policy that "
+        "decides step by step with +shield, where guided takes over doubtful steps; may be given "
+        "several times",
     )
     evaluate.add_argument(
         "--fields",
@@ -174,11 +182,17 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare_plan(options: argparse.Namespace) -> Job:
     from agents import planning
     from agents.pictures import check_target
+    from agents.policies import make_planner
     from agents.warm_up import warm
-    from planners.catalog import make
 
-    name = named(options.planner, options.backtrack, options.sensing_range, options.turn_radius)
-    make(name)  # refuses unknown names, and options that do not fit
+    name = named(
+        options.planner,
+        options.backtrack,
+        options.sensing_range,
+        options.turn_radius,
+        options.start_from,
+    )
+    make_planner(name)  # refuses unknown names, and options that do not fit
     field = one(options.field)
     depart(field)  # refuses what cannot be flown
     if options.plot is not None:

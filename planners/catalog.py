@@ -17,6 +17,7 @@ from planners.ompl_router import Ompl
 from planners.receding_horizon import RecedingHorizon
 from planners.sensing import Sensing
 from planners.shortest import Exact
+from planners.starts import Proposer
 from planners.swarm import bees, particles
 from planners.voronoi import VoronoiEdges
 from planners.whole_path import WholePath
@@ -146,13 +147,44 @@ def make(name: str) -> Planner:
     return planner
 
 
-def named(plain: str, backtrack: bool, sensing: float | None, turn: float | None) -> str:
-    """The name of a planner with these options; sensing range and turn radius are in m."""
+def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
+    """A planner whose windows start from proposals.
+
+    Args:
+        planner: of the paper's kind, whatever its options.
+        proposer: proposes the starts.
+        name: of the planner, for people.
+
+    Raises:
+        ValueError: the planner has no starts to choose.
+    """
+    if isinstance(planner, RecedingHorizon):
+        return replace(planner, proposer=proposer)
+    if isinstance(planner, Sensing | Backtracking):
+        inner = starting_from(planner.planner, proposer, name)
+        assert isinstance(inner, Replanner)
+        return replace(planner, planner=inner)
+    raise ValueError(
+        f"planner {name!r} takes no starts from an agent; single-start and multi-start do"
+    )
+
+
+def named(
+    plain: str,
+    backtrack: bool,
+    sensing: float | None,
+    turn: float | None,
+    proposer: str | None = None,
+) -> str:
+    """The name of a planner with these options; sensing range and turn radius are in m.
+
+    A proposer, a policy's name, comes last, since it may carry options of its own.
+    """
     name = plain + "+backtrack" * backtrack
     for label, value in (("sensing", sensing), ("turn", turn)):
         if value is not None:
             name += f"+{label}={str(value).removesuffix('.0')}"
-    return name
+    return name if proposer is None else f"{name}+from={proposer}"
 
 
 def _is_known(option: str) -> bool:
