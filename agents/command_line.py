@@ -118,7 +118,8 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="P",
-        help=f"a planner ({names}), with options {OPTIONS}; may be given several times",
+        help=f"a planner ({names}), with options {OPTIONS}; an agent that is shipped (best is the "
+        "best of them), or the directory of one that was trained; may be given several times",
     )
     evaluate.add_argument(
         "--fields",
@@ -210,10 +211,15 @@ def _prepare_animate(options: argparse.Namespace) -> Job:
     from agents.flights import fly_by_name
     from agents.gif import SUFFIX
     from agents.pictures import check_target
-    from agents.policies import make_policy
+    from agents.policies import is_planner, make_policy
     from agents.progress import still_bar
 
     make_policy(options.policy)  # refuses unknown names
+    if not is_planner(options.policy):
+        raise ValueError(
+            f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
+            f"plans nothing; planners are {', '.join(PLANNERS)}"
+        )
     field = one(options.field)
     depart(field)
     check_target(options.out, "animation", [SUFFIX])

@@ -6,7 +6,7 @@ import math
 import time
 from dataclasses import dataclass
 
-from agents.policies import Policy, make_policy
+from agents.policies import Policy, is_planner, make_policy
 from agents.warm_up import compile_kernels, warm
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
@@ -111,8 +111,9 @@ def fly_by_name(name: str, field: Field, seed: int) -> Flight:
     """As `fly`, for a policy by its name: what a worker process is handed.
 
     Raises:
-        ValueError: an unknown policy.
+        ValueError: an unknown policy, or an agent that cannot be loaded.
     """
-    policy = make_policy(name)
-    warm(name)
+    policy = make_policy(name)  # agents are ready when they are loaded
+    if is_planner(name):
+        warm(name)
     return fly(policy, name, field, seed)

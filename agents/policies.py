@@ -1,9 +1,10 @@
-"""Policies: what flies in the environment, and any planner as one."""
+"""Policies by name: what flies in the environment, and any planner as one."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+from agents import shelf
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
@@ -91,12 +92,27 @@ def expert(planner: Planner) -> Expert:
     return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)
 
 
+def is_planner(name: str) -> bool:
+    """Whether a policy's name is that of a planner, with options or without."""
+    return name.partition("+")[0] in PLANNERS
+
+
 def make_policy(name: str) -> Policy:
-    """The policy of this name; so far, policies are planners.
+    """The policy of this name: a planner, a shipped agent, or the path of a trained one.
 
     Raises:
-        ValueError: there is none, or not with the options that the name carries.
+        ValueError: there is none, or not with the options that the name carries; an agent that
+            cannot be loaded.
     """
-    if name.partition("+")[0] not in PLANNERS:
-        raise ValueError(f"unknown policy {name!r}; policies are {', '.join(PLANNERS)}")
-    return expert(make(name))
+    if is_planner(name):
+        return expert(make(name))
+    place = shelf.find(name)
+    if place is None:
+        agents = shelf.shipped()
+        raise ValueError(
+            f"unknown policy {name!r}; policies are {', '.join([*PLANNERS, *agents])}, and the "
+            "directories of trained agents"
+        )
+    from agents.pilots import pilot
+
+    return pilot(place)
