@@ -1,4 +1,4 @@
-"""The program `ferguson`: plan a field, evaluate policies, show a flight.
+"""The program `ferguson`: plan a field, train and evaluate policies, show a flight.
 
 Exit status 0: done; 1: `plan` found no path; 2: bad input, one line on standard error.
 """
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents import bench_commands
+from agents import bench_commands, train_command
 from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seed, seeds
 from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
@@ -46,6 +46,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     except (ValueError, OSError) as error:
         print(f"ferguson: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+    except KeyboardInterrupt:
+        print("ferguson: interrupted", file=sys.stderr)
+        return INTERRUPTED
     try:
         status = job()
         sys.stdout.flush()
@@ -154,6 +157,18 @@ def _parser() -> argparse.ArgumentParser:
     animate.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .gif")
     animate.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
     animate.set_defaults(prepare=_prepare_animate)
+
+    train = commands.add_parser(
+        "train",
+        help="train an agent",
+        description=(
+            "Train an agent; evaluate it while it learns, keep the best model and checkpoints, and "
+            "write model.zip, model.json, curve.csv and TensorBoard's logs. Interrupted, the same "
+            "command goes on."
+        ),
+        epilog="example: ferguson train ppo --minutes 30 --out runs/ppo",
+    )
+    train_command.add_to(train)
 
     bench = commands.add_parser("bench", help="measure things side by side in one run")
     bench_commands.add_to(bench)
