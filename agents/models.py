@@ -104,10 +104,11 @@ def slim(source: Path, directory: Path) -> None:
     with (
         zipfile.ZipFile(_directory(source) / MODEL) as whole,
         written_whole(directory / MODEL) as temporary,
-        zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as part,
+        zipfile.ZipFile(temporary, "w") as part,
     ):
         for name in _KEPT:
-            part.writestr(zipfile.ZipInfo(name), whole.read(name))
+            # without the time, so that copies are equal
+            part.writestr(zipfile.ZipInfo(name), whole.read(name), zipfile.ZIP_DEFLATED)
     _write_card(directory, model.card.to_json())
 
 

@@ -55,6 +55,19 @@ def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment
             assert (mine.length, mine.gap) == (theirs.length, theirs.gap)
 
 
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_actions_are_those_of_the_library(algorithm: str) -> None:
+    model = model_of(algorithm, RAYS)
+    stream = np.random.default_rng(0)
+    boxes = model.policy.observation_space.spaces
+    seen = {
+        key: stream.uniform(-1, 1, (BLOCK, *box.shape)).astype(np.float32)
+        for key, box in boxes.items()
+    }
+    theirs, _ = model.policy.predict(seen, deterministic=True)
+    np.testing.assert_array_equal(act(model.policy, seen), theirs)
+
+
 @pytest.mark.parametrize("threads", [1, 2])
 def test_a_row_is_treated_alike_wherever_it_stands(threads: int) -> None:
     model = model_of("ppo", {"observation": "rays"})
