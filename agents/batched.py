@@ -31,15 +31,28 @@ from planners.shortest import exact_length, gap
 
 BLOCK = 16
 """Rows that a network is asked about at a time."""
+TOGETHER = 3 * BLOCK
+"""Flights in the air, if nothing else is said: so few that the environment flies them without
+threads of its own, which would wait for work while the network has the processor."""
+
+
+def keep_to_one_thread() -> None:
+    """Let torch compute with one thread from now on.
+
+    Numba sets OpenMP's number, which is torch's, when it starts its own threads; so ask often.
+    """
+    if torch.get_num_threads() != 1:
+        torch.set_num_threads(1)
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute with one thread; then as before."""
+    """Let torch compute with one thread; then with as many as before.
+
+    Not for single steps: threads that are called back burn processor time until they sleep.
+    """
     before = torch.get_num_threads()
-    if before == 1:
-        yield
-        return
+    # even if it says one: that is OpenMP's number, not that of the library of matrix products
     torch.set_num_threads(1)
     try:
         yield
@@ -49,6 +62,8 @@ def one_thread() -> Iterator[None]:
 
 def act(policy: BasePolicy, seen: Observation) -> Action:
     """The actions (n, 4) that a policy thinks best; of each row the same, whatever the others.
+
+    Torch computes with one thread from then on; `one_thread` gives it back what it had.
 
     Args:
         policy: on the processor.
@@ -60,7 +75,8 @@ def act(policy: BasePolicy, seen: Observation) -> Action:
     asked = {key: torch.from_numpy(value) for key, value in block.items()}
     if policy.training:  # a walk through all modules, which costs as much as the network
         policy.set_training_mode(False)
-    with one_thread(), torch.no_grad():
+    keep_to_one_thread()
+    with torch.no_grad():
         for first in range(0, number, BLOCK):
             last = min(first + BLOCK, number)
             for key, value in seen.items():
@@ -110,7 +126,7 @@ class BatchFlight:
         return None if exact is None or not self.success else gap(self.length, exact)
 
 
-def fly_batch(model: Model, fields: Iterable[Field], num: int = 256) -> list[BatchFlight]:
+def fly_batch(model: Model, fields: Iterable[Field], num: int = TOGETHER) -> list[BatchFlight]:
     """Fly a model through fields, in their order; the same flights whatever `num` is.
 
     Args:
@@ -127,13 +143,18 @@ def fly_batch(model: Model, fields: Iterable[Field], num: int = 256) -> list[Bat
     fields = list(fields)
     if not fields:
         return []
-    envs = _environments(model.settings, fields, min(num, len(fields)))
+    with one_thread():
+        return _fly(model, fields, min(num, len(fields)))
+
+
+def _fly(model: Model, fields: Sequence[Field], num: int) -> list[BatchFlight]:
+    envs = _environments(model.settings, fields, num)
     flights: list[BatchFlight | None] = [None] * len(fields)
-    waiting = iter(range(envs.num_envs, len(fields)))
-    flown = np.arange(envs.num_envs)  # by each environment; -1: nothing any more
-    seen, _ = envs.reset(seed=0, options={"field": fields[: envs.num_envs]})
+    waiting = iter(range(num, len(fields)))
+    flown = np.arange(num)  # by each environment; -1: nothing any more
+    seen, _ = envs.reset(seed=0, options={"field": fields[:num]})
     while (busy := flown >= 0).any():
-        actions = np.zeros((envs.num_envs, 4), np.float32)
+        actions = np.zeros((num, 4), np.float32)
         actions[busy] = act(model.policy, {key: value[busy] for key, value in seen.items()})
         seen, _, terminated, truncated, infos = envs.step(actions)
         ended = terminated | truncated

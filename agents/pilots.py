@@ -5,6 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
+import torch
+
 from agents import models
 from agents.batched import act
 from agents.models import Model
@@ -20,11 +22,12 @@ class Pilot:
     """A model as a policy (`agents.policies.Policy`); it flies what it thinks best.
 
     It sees what it was trained to see, whatever the environment shows, and flies the very
-    flights that `agents.batched.fly_batch` does.
+    flights that `agents.batched.fly_batch` does. In its process torch keeps to one thread.
     """
 
     def __init__(self, model: Model) -> None:
         self._policy, self._settings = model.policy, model.settings
+        torch.set_num_threads(1)  # for good; `act` sees to it that it stays so
         self.model = model
 
     def begin(self, field: Field, seed: int) -> None:

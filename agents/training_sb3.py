@@ -51,8 +51,8 @@ def prepare(run: Run) -> Job:
     counts = None if checkpoint is None else training_checkpoint.counts_of(checkpoint)
     steps, seconds = (0, 0.0) if counts is None else (counts.steps, counts.seconds)
     pace = Pace(run.most_steps, run.minutes, steps, seconds)
-    torch.set_num_threads(run.threads)
     numba.set_num_threads(min(run.threads, numba.get_num_threads()))
+    torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
     model = _learner(run, card, pace)
     known = None
     if checkpoint is not None:

@@ -85,17 +85,19 @@ def test_a_row_is_treated_alike_wherever_it_stands(threads: int) -> None:
         order = stream.permutation(len(together))
         shuffled = act(model.policy, {key: value[order] for key, value in seen.items()})
         singly = [act(model.policy, {k: v[i : i + 1] for k, v in seen.items()})[0] for i in order]
-        assert torch.get_num_threads() == threads
+        assert torch.get_num_threads() == 1
     finally:
         torch.set_num_threads(before)
     np.testing.assert_array_equal(shuffled, together[order])
     np.testing.assert_array_equal(singly, together[order])
 
 
-def test_threads_are_as_before_after_an_error() -> None:
+def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
+        fly_batch(model_of("ppo", RAYS), FIELDS[:2])
+        assert torch.get_num_threads() == 2
         with pytest.raises(ZeroDivisionError), one_thread():
             _ = 1 / (torch.get_num_threads() - 1)
         assert torch.get_num_threads() == 2
