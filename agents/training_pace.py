@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
 import time
@@ -10,6 +11,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 from typing import Any
+
+_STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C again: at once\n"
 
 
 class Pace:
@@ -79,6 +82,7 @@ def stop_on_interrupt() -> Iterator[Stop]:
     def ask(_: int, __: FrameType | None) -> None:
         stop.asked = True
         signal.signal(signal.SIGINT, before)
+        os.write(2, _STOPPING)  # a handler may come in the middle of any other writing
 
     signal.signal(signal.SIGINT, ask)
     try:

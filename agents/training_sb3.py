@@ -33,6 +33,8 @@ CHECKPOINT_SECONDS = 300.0
 """Between checkpoints; one more is written when a training stops."""
 _ENDLESS = 10**15
 """Steps of a training that only time limits."""
+_LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
+"""After so many the library logs: on policy it counts rollouts, off policy episodes."""
 _LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
 _NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 _VIEW = ("observation", "nearest", "focus", "rays")
@@ -177,7 +179,8 @@ def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: Pace) -> None:
         watch = _Watch(run, record, pace, stop, bar)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
         if left > 0 and not pace.time_is_up:
-            model.learn(left, callback=watch, log_interval=10, reset_num_timesteps=False)
+            every = _LOGGED_ROLLOUTS if run.algorithm == "ppo" else _LOGGED_EPISODES
+            model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=False)
         model.logger.close()
         if not stop.asked and (not record.curve or record.curve[-1]["steps"] < model.num_timesteps):
             record.consider(model, model.num_timesteps, pace.seconds)

@@ -220,3 +220,15 @@ def test_an_animation_of_an_agent_is_refused(
     assert "an animation shows how a planner decides, and" in capsys.readouterr().err
     assert main(["plan", "paper:1", "--planner", str(model)]) == 2
     assert "unknown planner" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_workers_fly_the_same_flights(model: Path, tmp_path: Path) -> None:
+    found = []
+    for workers in ("1", "2"):
+        out = tmp_path / workers
+        policies = ["--policy", str(model), "--policy", "guided"]
+        where = ["--fields", FIELDS, "--out", str(out), "--workers", workers]
+        assert main(["evaluate", *policies, *where]) == 0
+        found.append((out / "flights.csv").read_bytes() + (out / "paths.npz").read_bytes())
+    assert found[0] == found[1]

@@ -2,6 +2,8 @@
 
 import importlib.util
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -75,3 +77,13 @@ def test_what_is_shipped_is_whole() -> None:
     for name, directory in shelf.shipped().items():
         assert (directory / "model.zip").is_file(), name
         assert (directory / "model.json").is_file(), name
+
+
+def test_planners_fly_without_what_agents_need() -> None:
+    program = (
+        "import sys; from agents.command_line import _parser; from agents import evaluation; "
+        "from agents.policies import make_policy; _parser(); make_policy('guided'); "
+        "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
+    )
+    root = Path(__file__).parent.parent
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=root)

@@ -16,7 +16,7 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, training_checkpoint
+from agents import models, training_checkpoint, training_demos
 from agents.batched import fly_batch, score
 from agents.command_line import main
 from agents.training import ALGORITHMS, Run
@@ -141,7 +141,7 @@ def test_an_interrupted_training_goes_on(
     with monkeypatch.context() as patch:
         press(patch, at=64)
         assert main(command(algorithm)) == 130
-    assert capsys.readouterr().err == "ferguson: interrupted\n"
+    assert capsys.readouterr().err.endswith("ferguson: interrupted\n")
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     checkpoint = training_checkpoint.latest(out / "checkpoint")
     assert checkpoint is not None
@@ -269,6 +269,36 @@ def test_a_training_begins_with_another_model(command: Command, tmp_path: Path) 
     assert same(weights_of(start), weights_of(tmp_path / "out"))
 
 
+def test_an_off_policy_training_begins_with_demonstrations(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    goal = {"centers": [], "radii": [], "goal": [12.8, 12.8]}
+    (tmp_path / "near.json").write_text(json.dumps(goal))
+    names = (str(tmp_path / "near.json"),) * 6
+
+    class Flights:
+        fields = names
+        actions = np.zeros((12, 4), np.float32)  # two straight segments each
+        offsets = np.arange(0, 14, 2)
+
+    monkeypatch.setattr(training_demos, "read", {"far/away-v0": Flights()}.__getitem__)
+    filled = []
+    fill = training_demos.fill
+
+    def watched(buffer: Any, *others: Any) -> int:
+        filled.append((fill(buffer, *others), buffer.pos, buffer.rewards.max()))
+        return int(filled[0][0])
+
+    monkeypatch.setattr(training_demos, "fill", watched)
+    assert main(command("sac", "--demos", "far/away-v0")) == 0
+    assert filled[0][:2] == (12, 3)  # rows of four environments
+    assert filled[0][2] > 0.0
+    assert models.load(tmp_path / "out").card.settings["demos"] == "far/away-v0"
+    # more than there is room for is refused before anything is removed
+    assert main(command("sac", "--demos", "far/away-v0", "--fresh", buffer_size=8)) == 2
+    assert (tmp_path / "out/model.zip").exists()
+
+
 @pytest.mark.parametrize(
     ("more", "changes", "match"),
     [
@@ -283,7 +313,7 @@ def test_a_training_begins_with_another_model(command: Command, tmp_path: Path) 
         ([], {"env_kwargs": {"segments": 9}}, "leave `gate` and `segments` out"),
         ([], {"gamma": float("nan")}, "gamma must be a finite number, a word or a list, got nan"),
         (["--from", "nowhere"], {}, "--from nowhere: no such model"),
-        (["--demos", "a/b-v0"], {}, "--demos is of no use to ppo; sac, td3, tqc begin with"),
+        (["--demos", "a/b-v0"], {}, "--demos is of no use to ppo; sac, td3, tqc"),
         (["--minutes", "0"], {}, "need minutes, a number above 0, got '0'"),
         (["--choose-on", "standard/moon:1"], {}, "moon"),
     ],
