@@ -36,9 +36,7 @@ class Cloner:
         price: of a metre of violation, in units of log-likelihood.
     """
 
-    def __init__(
-        self, policy: ActorCriticPolicy, rate: Callable[[], float], price: float
-    ) -> None:
+    def __init__(self, policy: ActorCriticPolicy, rate: Callable[[], float], price: float) -> None:
         self.policy, self.learner = policy, copy.deepcopy(policy)
         self._rate, self._price = rate, price
         self._optimizer = torch.optim.Adam(self.learner.parameters(), lr=0.0)

@@ -1,4 +1,4 @@
-"""The program `ferguson`: plan a field, evaluate policies, show a flight.
+"""The program `ferguson`: plan a field, train and evaluate policies, show a flight.
 
 Exit status 0: done; 1: `plan` found no path; 2: bad input, one line on standard error.
 """
@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents import bench_commands, demos_command
+from agents import bench_commands, demos_command, train_command
 from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seed, seeds
 from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
@@ -46,6 +46,9 @@ def _run(arguments: Sequence[str] | None) -> int:
     except (ValueError, OSError) as error:
         print(f"ferguson: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+    except KeyboardInterrupt:
+        print("ferguson: interrupted", file=sys.stderr)
+        return INTERRUPTED
     try:
         status = job()
         sys.stdout.flush()
@@ -124,9 +127,10 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="P",
         help=f"a planner ({names}), with options {OPTIONS}; single-start and "
-        "multi-start with +from=POLICY, which starts from that policy's proposals; any policy that "
-        "decides step by step with +shield, where guided takes over doubtful steps; may be given "
-        "several times",
+        "multi-start with +from=POLICY, which starts from that policy's proposals; an agent that "
+        "is shipped (best is the best of them), or the directory of one that was trained; any "
+        "policy that decides step by step with +shield, where guided takes over doubtful steps; "
+        "may be given several times",
     )
     evaluate.add_argument(
         "--fields",
@@ -173,6 +177,18 @@ def _parser() -> argparse.ArgumentParser:
         "--out ferguson/guided-v0 --workers 2",
     )
     demos_command.add_to(demos)
+
+    train = commands.add_parser(
+        "train",
+        help="train an agent",
+        description=(
+            "Train an agent; evaluate it while it learns, keep the best model and checkpoints, and "
+            "write model.zip, model.json, curve.csv and TensorBoard's logs. Interrupted, the same "
+            "command goes on."
+        ),
+        epilog="example: ferguson train ppo --minutes 30 --out runs/ppo",
+    )
+    train_command.add_to(train)
 
     bench = commands.add_parser("bench", help="measure things side by side in one run")
     bench_commands.add_to(bench)
@@ -240,6 +256,11 @@ def _prepare_animate(options: argparse.Namespace) -> Job:
     from agents.progress import still_bar
 
     make_policy(options.policy)  # refuses unknown names
+    if options.policy.partition("+")[0] not in PLANNERS:
+        raise ValueError(
+            f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
+            f"plans nothing; planners are {', '.join(PLANNERS)}"
+        )
     field = one(options.field)
     depart(field)
     check_target(options.out, "animation", [SUFFIX])

@@ -1,4 +1,8 @@
-"""Features of observations for networks that read a set of obstacles, beside any rays."""
+"""Features of observations: plain, or of obstacles as the set that they are.
+
+All of them show near things on a finer scale too: a metre matters beside an obstacle and on the
+last segments before the goal, and is little of all that lengths are parts of.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +12,30 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 from torch.nn import functional
 
-_OWN = ("goal", "vehicle")
-"""Entries of one row, which every obstacle is seen beside."""
+_OWN = 15
+"""Numbers that `_own` makes of goal and vehicle."""
+_NEARER = (5.0, 14.0)
+"""Distances to the goal are shown so many times larger as well, up to 1."""
+_FALL = 8.0
+"""How steeply nearness falls with distance, in parts of the view."""
+
+
+class Plain(BaseFeaturesExtractor):
+    """All that is seen, one after the other, and how near rays end.
+
+    Args:
+        observation_space: a dictionary of the environment's.
+    """
+
+    def __init__(self, observation_space: spaces.Dict) -> None:
+        sizes = {key: spaces.flatdim(one) for key, one in observation_space.spaces.items()}
+        rows = sizes.get("mask", 0) + sizes.get("obstacles", 0)
+        super().__init__(observation_space, _OWN + rows + 2 * sizes.get("rays", 0))
+
+    def forward(self, seen: dict[str, Tensor]) -> Tensor:
+        """Features (n, features_dim)."""
+        rows = [seen[key] for key in ("mask", "obstacles") if key in seen]
+        return torch.cat([_own(seen), *rows, *_rays(seen)], dim=1)
 
 
 class DeepSets(BaseFeaturesExtractor):
@@ -29,10 +55,9 @@ class DeepSets(BaseFeaturesExtractor):
     """
 
     def __init__(self, observation_space: spaces.Dict, width: int = 64) -> None:
-        own, rays = _sizes(observation_space)
-        super().__init__(observation_space, 2 * width + own + rays)
+        super().__init__(observation_space, 2 * width + _OWN + _rays_of(observation_space))
         self.each = nn.Sequential(
-            nn.Linear(7 + own, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU()
+            nn.Linear(7 + _OWN, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU()
         )
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
@@ -65,11 +90,10 @@ class Attention(BaseFeaturesExtractor):
     def __init__(
         self, observation_space: spaces.Dict, width: int = 64, layers: int = 2, heads: int = 4
     ) -> None:
-        own, rays = _sizes(observation_space)
         if width % heads:
             raise ValueError(f"a width of {width} cannot be shared by {heads} heads")
-        super().__init__(observation_space, 2 * width + own + rays)
-        self.vehicle = nn.Linear(own, width)
+        super().__init__(observation_space, 2 * width + _OWN + _rays_of(observation_space))
+        self.vehicle = nn.Linear(_OWN, width)
         self.obstacle = nn.Sequential(nn.Linear(7, width), nn.SiLU(), nn.Linear(width, width))
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
@@ -104,21 +128,29 @@ class _Layer(nn.Module):
         query, key, value = asked.permute(2, 0, 3, 1, 4)
         found = functional.scaled_dot_product_attention(query, key, value, attn_mask=present)
         tokens = tokens + self.answered(found.transpose(1, 2).reshape(number, count, width))
-        return tokens + self.then(tokens)
+        after: Tensor = tokens + self.then(tokens)
+        return after
 
 
-def _sizes(space: spaces.Dict) -> tuple[int, int]:
-    """Numbers of a vehicle's own entries, and of rays.
+def _rays_of(space: spaces.Dict) -> int:
+    """Numbers that `_rays` makes of rays.
 
     Raises:
         ValueError: no obstacles in the observation.
     """
-    sizes = {key: spaces.flatdim(one) for key, one in space.spaces.items()}
-    if "obstacles" not in sizes:
+    if "obstacles" not in space.spaces:
         raise ValueError(
             "a network of obstacles needs to see them: observation discs or both, not rays"
         )
-    return sum(sizes[key] for key in _OWN), sizes.get("rays", 0)
+    return 2 * spaces.flatdim(space["rays"]) if "rays" in space.spaces else 0
+
+
+def _own(seen: dict[str, Tensor]) -> Tensor:
+    """Goal and vehicle (n, 15), the goal on finer scales too."""
+    distance, way = seen["goal"][:, :1], seen["goal"][:, 1:]
+    finer = [(scale * distance).clamp(max=1.0) for scale in _NEARER]
+    nearer = [part for near in finer for part in (near, near * way)]
+    return torch.cat([seen["goal"], seen["vehicle"], *nearer], dim=1)
 
 
 def _split(seen: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
@@ -127,12 +159,13 @@ def _split(seen: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     An obstacle's row and, so that networks need not find out, its direction and how near its
     surface is, finest where it is near.
     """
-    own = torch.cat([seen[key] for key in _OWN], dim=1)
+    own = _own(seen)
     rows = seen["obstacles"].view(len(own), -1, 4)
     centre = rows[:, :, :2]
     way = centre / (centre.norm(dim=2, keepdim=True) + 1e-3)
-    return own, torch.cat([rows, way, torch.exp(-10.0 * rows[:, :, 3:])], dim=2), seen["mask"]
+    return own, torch.cat([rows, way, torch.exp(-_FALL * rows[:, :, 3:])], dim=2), seen["mask"]
 
 
 def _rays(seen: dict[str, Tensor]) -> list[Tensor]:
-    return [seen["rays"]] if "rays" in seen else []
+    """Ranges, and how near their ends are."""
+    return [seen["rays"], torch.exp(-_FALL * seen["rays"])] if "rays" in seen else []

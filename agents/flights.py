@@ -116,8 +116,8 @@ def fly_by_name(name: str, field: Field, seed: int) -> Flight:
     """As `fly`, for a policy by its name: what a worker process is handed.
 
     Raises:
-        ValueError: an unknown policy.
+        ValueError: an unknown policy, or an agent that cannot be loaded.
     """
-    policy = make_policy(name)
+    policy = make_policy(name)  # agents are ready when they are loaded
     warm_policy(name)
     return fly(policy, name, field, seed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,12 +11,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
 from ferguson_gym.observing import observe
 from ferguson_gym.settings import Settings
 
 COLUMNS = 10
-"""Of a row: the seed of the field, position and derivative (2 each), segments flown, action (4)."""
+"""Of a row: the seed of the field (or another number for it), position and derivative (2 each),
+segments flown, action (4)."""
 _AROUND = Settings(nearest=12, focus=8.0)
 """The discs that an action can cut into, whatever the learner sees."""
 _FIRST = 4096
@@ -51,14 +54,19 @@ class Lessons:
     def __len__(self) -> int:
         return self._number
 
-    def add(self, rows: Array) -> None:
-        """Take in rows (n, COLUMNS); rows of one field stand together."""
+    def add(self, rows: Array, field_of: Callable[[int], Field]) -> None:
+        """Take in rows (n, COLUMNS); those of one field stand together.
+
+        Args:
+            rows: as `row` makes them.
+            field_of: the field of a seed.
+        """
         cuts = np.flatnonzero(np.diff(rows[:, 0])) + 1
         for part in np.split(rows, cuts) if len(rows) else []:
-            field = self._settings.field(int(part[0, 0]))
+            field = field_of(int(part[0, 0]))
             vehicles = [State(one[1:3], one[3:5], int(one[5])) for one in part]
             around = observe(field, vehicles, _AROUND)
-            self.put(
+            self._put(
                 {
                     **observe(field, vehicles, self._settings),
                     "_discs": _AROUND.view * _columns(around["obstacles"]),
@@ -67,8 +75,7 @@ class Lessons:
                 }
             )
 
-    def put(self, columns: dict[str, NDArray[np.float32]]) -> None:
-        """Take in columns (n, size) as they are stored."""
+    def _put(self, columns: dict[str, NDArray[np.float32]]) -> None:
         number = len(columns["_actions"])
         if not self._parts:
             self._parts = {

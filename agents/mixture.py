@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import torch
+from gymnasium import spaces
 from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import MultiInputActorCriticPolicy
 from torch import Tensor, nn
@@ -13,6 +15,7 @@ FINEST, COARSEST = 0.02, 1.0
 """Least and greatest standard deviation of a component, on the scale of actions."""
 _LIKE = 0.08
 """How near the means of components are that mean the same way, on that scale."""
+_NORMAL = 0.5 * math.log(2.0 * math.pi)
 _SCALE = 0.3
 """Of means, so that they begin where flights are flown."""
 
@@ -54,15 +57,16 @@ class Mixture(DiagGaussianDistribution):
 
     def log_prob(self, actions: Tensor) -> Tensor:
         """Log density (n,) of actions (n, action_dim)."""
-        each = torch.distributions.Normal(self.means, self.spreads)
-        return torch.logsumexp(self.log_weights + each.log_prob(actions[:, None]).sum(dim=2), dim=1)
+        away = (actions[:, None] - self.means) / self.spreads
+        each = -0.5 * away.square() - self.spreads.log() - _NORMAL
+        return torch.logsumexp(self.log_weights + each.sum(dim=2), dim=1)
 
     def entropy(self) -> None:
         """None: a mixture has no closed form of it."""
 
     def sample(self) -> Tensor:
         """Actions (n, action_dim)."""
-        which = torch.distributions.Categorical(logits=self.log_weights).sample()
+        which = torch.multinomial(self.log_weights.exp(), 1)[:, 0]
         rows = torch.arange(len(which))
         return torch.normal(self.means[rows, which], self.spreads[rows, which])
 
@@ -94,10 +98,10 @@ class MixturePolicy(MultiInputActorCriticPolicy):
 
     def __init__(self, *args: Any, components: int = 4, **kwargs: Any) -> None:
         self.components = components
-        super().__init__(*args, ortho_init=False, **kwargs)
+        super().__init__(*args, **{**kwargs, "ortho_init": False})
 
     def _build(self, lr_schedule: Any) -> None:
-        self.action_dist = Mixture(self.action_space.shape[0], self.components)
+        self.action_dist = Mixture(spaces.flatdim(self.action_space), self.components)
         super()._build(lr_schedule)
 
     def _get_constructor_parameters(self) -> dict[str, Any]:

@@ -1,9 +1,10 @@
-"""Policies: what flies in the environment, and any planner as one."""
+"""Policies by name: what flies in the environment, and any planner as one."""
 
 from __future__ import annotations
 
 from typing import Protocol
 
+from agents import shelf
 from agents.proposals import Proposals
 from agents.shield import Shield
 from ferguson_gym import flight
@@ -130,13 +131,23 @@ def shielded(name: str) -> Shield:
 
 
 def make_policy(name: str) -> Policy:
-    """The policy of this name; so far, policies are planners.
+    """The policy of this name: a planner, a shipped agent, or the path of a trained one.
 
     Raises:
-        ValueError: there is none, or not with the options that the name carries.
+        ValueError: there is none, or not with the options that the name carries; an agent that
+            cannot be loaded.
     """
     if name.endswith(SHIELDED):
         return shielded(name.removesuffix(SHIELDED))
-    if name.partition("+")[0] not in PLANNERS:
-        raise ValueError(f"unknown policy {name!r}; policies are {', '.join(PLANNERS)}")
-    return expert(make_planner(name))
+    if name.partition("+")[0] in PLANNERS:
+        return expert(make_planner(name))
+    place = shelf.find(name)
+    if place is None:
+        agents = shelf.shipped()
+        raise ValueError(
+            f"unknown policy {name!r}; policies are {', '.join([*PLANNERS, *agents])}, and the "
+            "directories of trained agents"
+        )
+    from agents.pilots import pilot
+
+    return pilot(place)

@@ -6,6 +6,8 @@ Start, goal, bounds and the rules of flight are the same on both sides of the li
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import torch
 from torch import Tensor
 
@@ -20,15 +22,18 @@ def mirrored(seen: dict[str, Tensor], actions: Tensor) -> tuple[dict[str, Tensor
         seen: entries (n, size), as the environment's docstring has them.
         actions: (n, 4).
     """
-    images = {
+    images: dict[str, Callable[[Tensor], Tensor]] = {
         "goal": lambda one: one * one.new_tensor([1.0, 1.0, -1.0]),
         "vehicle": lambda one: one[:, _SWAPPED],
-        "obstacles": lambda one: (
-            one.view(len(one), -1, 4) * one.new_tensor([1.0, -1.0, 1.0, 1.0])
-        ).flatten(1),
+        "obstacles": _rows,
         # the first ray stays, the second one changes with the last
         "rays": lambda one: torch.roll(one.flip(1), 1, 1),
         "mask": lambda one: one,
     }
     flipped = actions * actions.new_tensor([1.0, -1.0, 1.0, -1.0])
     return {key: images[key](value) for key, value in seen.items()}, flipped
+
+
+def _rows(obstacles: Tensor) -> Tensor:
+    rows = obstacles.view(len(obstacles), -1, 4)
+    return (rows * rows.new_tensor([1.0, -1.0, 1.0, 1.0])).flatten(1)

@@ -11,28 +11,31 @@ Reference:
 
 from __future__ import annotations
 
-import dataclasses
+import itertools
 import shutil
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
+import numba
 import numpy as np
 import torch
 from joblib import Parallel, delayed
+from rich.progress import Progress
 from stable_baselines3 import PPO
+from stable_baselines3.common.policies import ActorCriticPolicy
+from torch.utils.tensorboard import SummaryWriter
 
-from agents import models, networks, training, training_demos
+from agents import networks, training, training_demos
 from agents.arguments import DONE, Job
 from agents.cloning import Cloner
-from agents.lessons import COLUMNS, Lessons, row
-from agents.models import Card
+from agents.lessons import Lessons
+from agents.models import Card, Model
 from agents.training import Run
-from agents.training_pace import Pace, stop_on_interrupt
+from agents.training_pace import Pace, Stop, stop_on_interrupt
 from agents.training_recipe import slope
-from agents.training_record import Record, card_of
-from agents.training_sb3 import progress_bar, starting_model
+from agents.training_record import Record
+from agents.training_sb3 import card_for, progress_bar, starting_model
 from agents.vec_env import ObstacleFieldVecEnv
 from agents.visits import Visit, Visited, visit
 from ferguson_gym.arrays import Array
@@ -51,14 +54,255 @@ SETTINGS: dict[str, Any] = {
     "learning_rate": 1e-3,
     "violation": 8.0,
 }
-"""Keys of a recipe beside those that all have, and their values where it is silent: who is asked,
-the share of flights that begin anywhere, how many rounds' flights are watched before the first
-update, updates of a round, lessons of an update, and the price of a metre of violation. A round
-flies `n_envs` flights; `n_timesteps` and `eval_freq` count states that the expert was asked about
+"""The learner's keys in a recipe, and their values where it is silent: who is asked, the share of
+flights that begin anywhere, how many rounds' flights are watched before the first update, updates
+of a round, lessons of an update, its rate, and the price of a metre of violation. A round flies
+`n_envs` flights; `n_timesteps` and `eval_freq` count states that the expert was asked about
 (`dagger`) or lessons that were learned from (`bc`)."""
-KEYS = frozenset(SETTINGS)
 _SHARES = 8
 """That a round's flights are handed out in."""
 _FIELDS = 10_000_000
-"""Fields between those of one seed and the next."""
+"""Fields from those of one seed to those of the next."""
 _STATE = "state.pt"
+_ROWS = "rows-{:06d}.npy"
+
+
+def prepare(run: Run) -> Job:
+    """See `agents.training.Trainer`."""
+    start = None if run.start is None else starting_model(run)
+    card = card_for(run, start)
+    for spec in (run.chosen_on, run.reported_on):
+        select(spec)
+    if run.algorithm == "bc" and run.demos is None:
+        raise ValueError("bc learns from demonstrations: name them with --demos DATASET_ID")
+    demos = None if run.demos is None else training_demos.read(run.demos)
+    school = _School(run, card)
+    numba.set_num_threads(min(run.threads, numba.get_num_threads()))
+    torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
+    if start is not None:
+        school.begin_with(start)
+    known = None if run.fresh else school.restore()
+    if demos is not None:
+        school.take_in(demos)
+
+    def job() -> int:
+        if not known:
+            training.forget(run.directory)
+            training.begin(run)
+        school.teach(Record(run, card, school.pace.steps))
+        shutil.rmtree(run.directory / "checkpoint")
+        return DONE
+
+    return job
+
+
+class _School:
+    """A learner, its lessons, and how far it is."""
+
+    def __init__(self, run: Run, card: Card) -> None:
+        """A learner that knows nothing.
+
+        Raises:
+            ValueError: hyperparameters that make no sense.
+        """
+        self._run, self._card = run, card
+        self._told = {**SETTINGS, **run.recipe.learner}
+        self._check()
+        self.pace = Pace(run.most_steps, run.minutes)
+        settings = settings_of(card.environment)
+        self._lessons, self._field = Lessons(settings), settings.field
+        # PPO's networks, so that it can go on with them; none of its own learning is used here
+        self._shell = PPO(
+            cast(type[ActorCriticPolicy], networks.policy_class(run.algorithm, card.policy)),
+            ObstacleFieldVecEnv(1, **card.environment),
+            n_steps=2,
+            batch_size=2,
+            seed=run.seed,
+            device="cpu",
+            policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+        )
+        self._cloner = self._new_cloner()
+        self._rounds, self._before = 0, 0.0
+
+    def _check(self) -> None:
+        told = self._told
+        for key in ("updates", "batch_size", "first"):
+            if not isinstance(told[key], int) or told[key] < 1:
+                raise ValueError(f"{key} must be a whole number from 1 on, got {told[key]!r}")
+        for key, most in (("scattered", 1.0), ("violation", 1e6)):
+            if not isinstance(told[key], (int, float)) or not 0.0 <= told[key] <= most:
+                raise ValueError(f"{key} must lie between 0 and {most:g}, got {told[key]!r}")
+        rate = told["learning_rate"]
+        rate = rate if slope(rate) is None else slope(rate)
+        if not isinstance(rate, (int, float)) or not 0.0 < rate < 1.0:
+            raise ValueError(
+                f"learning_rate must lie between 0 and 1, got {told['learning_rate']!r}"
+            )
+        if not isinstance(make(str(told["expert"])), Replanner):
+            raise ValueError(
+                f"expert {told['expert']!r} plans its whole path at once; one that decides step by "
+                "step can be asked anywhere: pursuit or guided, for example"
+            )
+
+    def _new_cloner(self) -> Cloner:
+        given = self._told["learning_rate"]
+        top = slope(given)
+
+        def rate() -> float:
+            # a little is left at the end: what comes last should not be wasted
+            return given if top is None else top * max(1.0 - self.pace.done, 0.02)
+
+        return Cloner(self._shell.policy, rate, self._told["violation"])
+
+    def begin_with(self, start: Model) -> None:
+        """Know what a model knows."""
+        self._shell.policy.load_state_dict(start.policy.state_dict())
+        self._cloner = self._new_cloner()
+
+    @property
+    def _place(self) -> Path:
+        return self._run.directory / "checkpoint"
+
+    def restore(self) -> bool:
+        """Go on from the run's checkpoint, if there is one.
+
+        Raises:
+            ValueError: it is damaged.
+        """
+        file = self._place / _STATE
+        if not file.is_file():
+            return False
+        try:
+            state = torch.load(file, map_location="cpu", weights_only=True)
+            self._cloner.restore(state["cloner"])
+            self._rounds = state["rounds"]
+            for number in range(self._rounds):
+                rows = np.load(self._place / _ROWS.format(number))
+                self._lessons.add(rows, self._field)
+        except Exception as error:  # of whatever the libraries make of a damaged file
+            reason = " ".join(str(error).split())[:120]
+            raise ValueError(
+                f"the checkpoint {self._place} cannot be read ({reason}); --fresh starts over"
+            ) from None
+        self._before = state["seconds"]
+        self.pace = Pace(self._run.most_steps, self._run.minutes, state["steps"], self._before)
+        return True
+
+    def _keep(self) -> None:
+        """Write a checkpoint; the lessons of each round are there already."""
+        state = {
+            "cloner": self._cloner.state(),
+            "rounds": self._rounds,
+            "steps": self.pace.steps,
+            "seconds": self.pace.seconds,
+        }
+        with written_whole(self._place / _STATE) as temporary:
+            torch.save(state, temporary)
+
+    def take_in(self, demos: training_demos.Demonstrations) -> None:
+        """Learn from demonstrations too.
+
+        Raises:
+            ValueError: they are not of this environment.
+        """
+        for number, (field, rows) in enumerate(training_demos.rows(demos)):
+            self._lessons.add(rows, {number: field}.__getitem__)
+
+    def teach(self, record: Record) -> None:
+        """Rounds, until a limit is reached; then the best model is the final one.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C; the checkpoint is written.
+        """
+        self._place.mkdir(parents=True, exist_ok=True)
+        writer = SummaryWriter(str(self._run.directory / "tensorboard"))
+        self.pace.start(self._before)
+        with stop_on_interrupt() as stop, progress_bar() as bar:
+            while not (stop.asked or self.pace.done >= 1.0):
+                costs = self._round(stop, bar)
+                for name, value in costs.items():
+                    writer.add_scalar(f"train/{name}", value, self.pace.steps)
+                curve = record.curve
+                due = self._run.recipe.eval_freq + (curve[-1]["steps"] if curve else 0)
+                if self.pace.steps >= due or not curve:
+                    record.consider(self._shell, self.pace.steps, self.pace.seconds)
+                self._keep()
+            if stop.asked:
+                raise KeyboardInterrupt
+            if record.curve[-1]["steps"] < self.pace.steps:
+                record.consider(self._shell, self.pace.steps, self.pace.seconds)
+        writer.close()
+        record.finish()
+
+    def _round(self, stop: Stop, bar: Progress) -> dict[str, float]:
+        """Updates, while flights go on whose lessons the next round has; what updates cost."""
+        if self._run.algorithm == "bc":
+            costs = self._update(stop, bar)
+            self.pace.steps += self._told["updates"] * self._told["batch_size"]
+            return costs
+        if self._rounds == 0:
+            self._learn_from(self._visits(self._told["first"]), bar, "the expert's flights")
+        going_on = self._visits(1)
+        costs = self._update(stop, bar)
+        if stop.asked:
+            return costs
+        refused = self._learn_from(going_on, bar, "flights")
+        return {**costs, "refused": refused}
+
+    def _visits(self, rounds: int) -> Iterator[Visited]:
+        """Flights of the policy as it is now, under way in other processes if there are any."""
+        run, number = self._run, self._run.recipe.n_envs * rounds
+        first = run.seed * _FIELDS + self._flown()
+        cuts = np.linspace(first, first + number, _SHARES * rounds + 1).astype(int).tolist()
+        weights = {key: value.clone() for key, value in self._shell.policy.state_dict().items()}
+        visits = [
+            Visit(
+                card=self._card,
+                weights=weights,
+                expert=self._told["expert"],
+                seeds=range(begin, end),
+                stream=(run.seed, self._rounds, share),
+                scattered=self._told["scattered"],
+            )
+            for share, (begin, end) in enumerate(itertools.pairwise(cuts))
+        ]
+        flying = Parallel(n_jobs=run.workers, return_as="generator", pre_dispatch="all")
+        visited: Iterator[Visited] = flying(delayed(visit)(one) for one in visits)
+        return visited
+
+    def _flown(self) -> int:
+        """Flights of all rounds so far."""
+        before = self._told["first"] - 1 if self._rounds else 0
+        flown: int = self._run.recipe.n_envs * (self._rounds + before)
+        return flown
+
+    def _learn_from(self, visited: Iterator[Visited], bar: Progress, what: str) -> float:
+        """Take the lessons of flights in, and keep them; the share of steps that were refused."""
+        rows: list[Array] = []
+        steps = refused = 0
+        task = bar.add_task(what, total=None)
+        for one in visited:
+            rows.append(one.rows)
+            steps, refused = steps + one.steps, refused + one.failures
+        bar.remove_task(task)
+        every = np.concatenate(rows)
+        with written_whole(self._place / _ROWS.format(self._rounds)) as temporary:
+            np.save(temporary, every)
+        self._lessons.add(every, self._field)
+        self._rounds += 1
+        self.pace.steps += steps
+        return refused / max(steps, 1)
+
+    def _update(self, stop: Stop, bar: Progress) -> dict[str, float]:
+        """The updates of a round."""
+        stream = np.random.default_rng((self._run.seed, self._rounds, self.pace.steps))
+        task = bar.add_task(f"{self._run.algorithm}, {self.pace.steps:,} states", total=1.0)
+        costs: list[dict[str, float]] = []
+        for number in range(self._told["updates"]):
+            lesson = self._lessons.draw(stream, self._told["batch_size"])
+            costs.append(self._cloner.update(lesson, in_the_mirror=number % 2 == 1))
+            bar.update(task, completed=self.pace.done)
+            if stop.asked:
+                break
+        bar.remove_task(task)
+        return {key: float(np.mean([cost[key] for cost in costs])) for key in costs[0]}

@@ -8,6 +8,7 @@ likelihood of an expert's action cannot tell. Sampled, not certified: what is fl
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import torch
 from torch import Tensor
@@ -50,8 +51,8 @@ def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) ->
     sides = end[:, None], start[:, None], slope[:, None]
     weights = (3 * t**2 - 2 * t**3, t**3 - 2 * t**2 + t, t**3 - t**2)
     slopes = (6 * t - 6 * t**2, 3 * t**2 - 4 * t + 1, 3 * t**2 - 2 * t)
-    points = sum(weight * side for weight, side in zip(weights, sides, strict=True))
-    pace = _size(sum(weight * side for weight, side in zip(slopes, sides, strict=True)))
+    points = _weighted(weights, sides)
+    pace = _size(_weighted(slopes, sides))
     onward = slope / (_size(slope)[:, None] + 1e-3)
     far, room = (end.new_tensor(column) for column in zip(*AHEAD_OF_END, strict=True))
     beyond = end[:, None] + far[:, None] * onward[:, None]
@@ -74,6 +75,10 @@ def _decoded(actions: Tensor) -> tuple[Tensor, Tensor]:
     turn = torch.polar(torch.ones_like(along), BEND * end.imag)
     slope = _SPREAD * turn * torch.complex(along, across)
     return torch.view_as_real(REACH * end), torch.view_as_real(slope)
+
+
+def _weighted(weights: Sequence[Tensor], sides: Sequence[Tensor]) -> Tensor:
+    return torch.stack([a * b for a, b in zip(weights, sides, strict=True)]).sum(dim=0)
 
 
 def _size(vectors: Tensor) -> Tensor:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 import torch
@@ -120,7 +121,7 @@ def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
     """A free place of a field anywhere, on the way to the goal or astray."""
     togo = distance_to_go(field)
     while True:
-        place = stream.uniform(*field.bounds)
+        place = stream.uniform(field.bounds[0], field.bounds[1])
         distance, gradient = togo(place[None])
         if np.isfinite(distance[0]) and distance[0] > _STRIDE:
             break
@@ -134,7 +135,7 @@ def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
 
 @lru_cache(maxsize=2)
 def _learner_of(text: str) -> BasePolicy:
-    return models.build(models.card_from(text))
+    return models.build(models.card_of_json(text, Path(models.CARD)))
 
 
 def _learner(card: Card) -> BasePolicy:

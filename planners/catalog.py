@@ -14,6 +14,7 @@ from planners.interface import Planner, Replanner
 from planners.margin import Margin
 from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
+from planners.pursuit import Pursuit
 from planners.receding_horizon import RecedingHorizon
 from planners.sensing import Sensing
 from planners.shortest import Exact
@@ -97,6 +98,7 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
     "multi-start": multi_start,
     "guided": Guided,
+    "pursuit": Pursuit,
     "shortest": shortest,
     "voronoi": voronoi,
     "astar": astar,

@@ -5,8 +5,8 @@ decided is a simple function of the state, and what flies it with small errors s
 expert to learn from. From inside the margin it steers back out.
 
 Reference:
-    Coulter (1992), Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01: aims
-    at a point of the path some way ahead.
+    Coulter (1992), Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01:
+    aims at a point of the path some way ahead.
 """
 
 from __future__ import annotations

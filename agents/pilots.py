@@ -1,0 +1,69 @@
+"""Learned policies that fly in any environment, one flight at a time."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+
+import torch
+
+from agents import models
+from agents.batched import act
+from agents.models import Model
+from agents.warm_up import small_field
+from ferguson_gym import flight
+from ferguson_gym.actions import Action
+from ferguson_gym.fields import Field
+from ferguson_gym.observations import Observation
+from ferguson_gym.observing import observe
+
+
+class Pilot:
+    """A model as a policy (`agents.policies.Policy`); it flies what it thinks best.
+
+    It sees what it was trained to see, whatever the environment shows, and flies the very
+    flights that `agents.batched.fly_batch` does. In its process torch keeps to one thread.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._policy, self._settings = model.policy, model.settings
+        torch.set_num_threads(1)  # for good; `act` sees to it that it stays so
+        self.model = model
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field; the seed changes nothing."""
+        self._field = field
+
+    def act(self, observation: Observation, vehicle: flight.State) -> Action:
+        """The next action (4,)."""
+        seen = observe(self._field, [vehicle], self._settings)
+        action: Action = act(self._policy, seen)[0]
+        return action
+
+
+def pilot(directory: Path) -> Pilot:
+    """The pilot whose model lies in a directory; loaded once in a process, and ready to fly.
+
+    Raises:
+        ValueError: as `agents.models.load`.
+    """
+    files = [directory / name for name in (models.MODEL, models.CARD)]
+    return Pilot(_ready(directory.resolve(), *(_stamp(file) for file in files)))
+
+
+def _stamp(file: Path) -> tuple[int, int]:
+    """Differs when a file was written anew; nothing where there is none."""
+    try:
+        status = file.stat()
+    except OSError:
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
+
+
+@lru_cache(maxsize=8)
+def _ready(directory: Path, *_: tuple[int, int]) -> Model:
+    model = models.load(directory)
+    first = Pilot(model)  # what is slow the first time is not timed in a flight
+    first.begin(small_field(), 0)
+    first.act({}, flight.depart(small_field()))
+    return model

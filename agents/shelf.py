@@ -1,0 +1,59 @@
+"""Where learned agents lie: those shipped with the package, by name, and trained ones, by path.
+
+Nothing here imports torch: names are checked without it.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+from pathlib import Path
+
+SHIPPED = Path(__file__).parent / "shipped"
+"""A directory with `model.zip` and `model.json` for each shipped agent."""
+_BEST = "best"
+"""Another name for the best of them; `best.json` there says which it is."""
+_FILES = ("model.zip", "model.json")
+
+
+def shipped() -> dict[str, Path]:
+    """Directories of the shipped agents by name, `best` among them if there are any."""
+    agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if path.is_dir()}
+    agents = {name: path for name, path in agents.items() if (path / _FILES[0]).exists()}
+    chosen = SHIPPED / f"{_BEST}.json"
+    if chosen.exists():
+        agents[_BEST] = SHIPPED / json.loads(chosen.read_text(encoding="utf-8"))[_BEST]
+    return agents
+
+
+def find(name: str) -> Path | None:
+    """The directory of the agent of this name or at this path; None if there is none.
+
+    A directory with one of a model's two files counts: what is missing is said when it is loaded.
+
+    Raises:
+        ValueError: there is one, and what it needs is not installed.
+    """
+    place = shipped().get(name) or _at(Path(name))
+    if place is not None:
+        need(f"agent {name!r}")
+    return place
+
+
+def _at(path: Path) -> Path | None:
+    try:
+        directory = path.parent if path.name in _FILES and path.is_file() else path
+        return directory if any((directory / file).is_file() for file in _FILES) else None
+    except (OSError, ValueError):  # a name that is none of a file
+        return None
+
+
+def need(what: str, *modules: str) -> None:
+    """See that the libraries of learned agents are there, without importing them.
+
+    Raises:
+        ValueError: one is not installed.
+    """
+    for module in ("torch", "stable_baselines3", "sb3_contrib", *modules):
+        if importlib.util.find_spec(module) is None:
+            raise ValueError(f"{what} needs {module}: pip install 'ferguson-gym[agents]'")

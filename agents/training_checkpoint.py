@@ -1,0 +1,146 @@
+"""Checkpoints of Stable-Baselines3 algorithms: whole or not there, and read without unpickling.
+
+Each is a directory named by its steps, moved into place when it is complete, and only then the
+one before it is removed. It holds all networks with their optimizers (`model.zip`), what was
+counted (`state.json`) and, off policy, the replay buffer (`buffer.npz`). Flights under way and
+streams of random numbers are not in it: a training that goes on begins new flights, with streams
+seeded by the run's seed and the steps so far.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import tempfile
+import zipfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr
+
+_MODEL, _STATE, _BUFFER = "model.zip", "state.json", "buffer.npz"
+_UNFINISHED = ".writing-"
+_FUNCTIONS = ("learning_rate", "lr_schedule", "clip_range", "clip_range_vf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """How far a training was."""
+
+    steps: int
+    seconds: float
+    updates: int
+    """Of the networks."""
+    episodes: int
+
+
+def write(directory: Path, model: BaseAlgorithm, seconds: float) -> None:
+    """Write a checkpoint into a directory of them, in place of those before."""
+    directory.mkdir(parents=True, exist_ok=True)
+    counts = Counts(
+        steps=model.num_timesteps,
+        seconds=seconds,
+        updates=model._n_updates,
+        episodes=model._episode_num,
+    )
+    temporary = Path(tempfile.mkdtemp(prefix=_UNFINISHED, dir=directory))
+    try:
+        model.save(temporary / _MODEL, exclude=_FUNCTIONS)
+        (temporary / _STATE).write_text(json.dumps(asdict(counts)) + "\n", encoding="utf-8")
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            np.savez(temporary / _BUFFER, **_arrays(buffer))  # type: ignore[arg-type]
+        place = directory / str(counts.steps)
+        if place.exists():  # of the same steps, so nothing is lost
+            shutil.rmtree(place)
+        temporary.rename(place)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    for old in directory.iterdir():
+        if old != place:
+            shutil.rmtree(old)
+
+
+def latest(directory: Path) -> Path | None:
+    """The checkpoint in a directory of them; None if there is none."""
+    whole = [place for place in _entries(directory) if place.name.isdecimal()]
+    return max(whole, key=lambda place: int(place.name), default=None)
+
+
+def counts_of(checkpoint: Path) -> Counts:
+    """What a checkpoint has counted.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    try:
+        return Counts(**json.loads((checkpoint / _STATE).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError) as error:
+        raise _damaged(checkpoint, error) from None
+
+
+def restore(checkpoint: Path, model: BaseAlgorithm) -> None:
+    """Give a new algorithm of the same hyperparameters what a checkpoint holds.
+
+    Raises:
+        ValueError: it is damaged, or of other networks.
+    """
+    counts = counts_of(checkpoint)
+    try:
+        # the attributes, which are pickled, stay unread; of the rest only weights are taken
+        _, networks, variables = load_from_zip_file(
+            checkpoint / _MODEL, device="cpu", load_data=False
+        )
+        model.set_parameters(networks, exact_match=True, device="cpu")
+        for name, value in (variables or {}).items():
+            if value is not None:
+                recursive_setattr(model, f"{name}.data", value.data)
+        if (buffer := getattr(model, "replay_buffer", None)) is not None:
+            _fill(buffer, checkpoint / _BUFFER)
+    except Exception as error:  # of whatever the libraries make of a damaged file
+        raise _damaged(checkpoint, error) from None
+    model.num_timesteps = counts.steps
+    model._n_updates, model._episode_num = counts.updates, counts.episodes
+
+
+def _damaged(checkpoint: Path, error: Exception) -> ValueError:
+    return ValueError(
+        f"the checkpoint {checkpoint} cannot be read ({' '.join(str(error).split())[:120]}); "
+        "--fresh starts over"
+    )
+
+
+def _entries(directory: Path) -> Iterator[Path]:
+    return directory.iterdir() if directory.is_dir() else iter(())
+
+
+def _arrays(buffer: Any) -> dict[str, NDArray[Any]]:
+    """The rows of a replay buffer that are filled, and how many those are."""
+    rows = slice(buffer.buffer_size if buffer.full else buffer.pos)
+    arrays = {name: getattr(buffer, name)[rows] for name in ("actions", "rewards", "dones")}
+    arrays["timeouts"] = buffer.timeouts[rows]
+    arrays |= {"pos": np.array(buffer.pos), "full": np.array(buffer.full)}
+    for key, value in buffer.observations.items():
+        arrays[f"observations.{key}"] = value[rows]
+        arrays[f"next_observations.{key}"] = buffer.next_observations[key][rows]
+    return arrays
+
+
+def _fill(buffer: Any, path: Path) -> None:
+    """Put saved rows back; the inverse of `_arrays`."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as saved:
+            for name in saved.files:
+                if name in ("pos", "full"):
+                    continue
+                whole, _, key = name.partition(".")
+                target = getattr(buffer, whole)
+                target = target[key] if key else target
+                target[: len(saved[name])] = saved[name]
+            buffer.pos, buffer.full = int(saved["pos"]), bool(saved["full"])
+    except (OSError, zipfile.BadZipFile, KeyError) as error:
+        raise ValueError(f"{path.name}: {error}") from None

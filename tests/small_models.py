@@ -1,0 +1,43 @@
+"""Models that are small and know nothing, saved as trained ones are."""
+
+from pathlib import Path
+from typing import Any
+
+from sb3_contrib import TQC
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents import models, networks
+from agents.models import Card
+from agents.vec_env import ObstacleFieldVecEnv
+
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
+RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
+DISCS: dict[str, Any] = {"observation": "discs", "nearest": 4, "focus": 6.0}
+
+
+def card_of(algorithm: str = "ppo", environment: dict[str, Any] | None = None) -> Card:
+    return Card(
+        algorithm=algorithm,
+        policy="mlp",
+        policy_kwargs={"net_arch": [24, 24], "activation_fn": "tanh"},
+        environment=environment or RAYS,
+    )
+
+
+def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
+    """The directory, with a model in it."""
+    card = card or card_of()
+    envs = ObstacleFieldVecEnv(1, fields=1, **card.environment)
+    few: dict[str, Any] = {"n_steps": 2, "batch_size": 2} if card.algorithm == "ppo" else {}
+    model = ALGORITHMS[card.algorithm](
+        networks.policy_class(card.algorithm, card.policy),
+        envs,
+        seed=seed,
+        device="cpu",
+        policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+        **few or {"buffer_size": 10},
+    )
+    directory.mkdir(parents=True, exist_ok=True)
+    models.save(directory, model, card)
+    return directory

@@ -1,0 +1,89 @@
+"""Agents by name: those that are shipped, and those that lie at a path."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from agents import shelf
+from agents.policies import make_policy
+
+
+def agent(directory: Path) -> Path:
+    directory.mkdir(parents=True)
+    for name in ("model.zip", "model.json"):
+        (directory / name).touch()
+    return directory
+
+
+@pytest.fixture
+def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr(shelf, "SHIPPED", tmp_path / "shipped")
+    monkeypatch.chdir(tmp_path)
+    for name in ("ace", "rookie"):
+        agent(tmp_path / "shipped" / name)
+    (tmp_path / "shipped/__pycache__").mkdir()
+    (tmp_path / "shipped/best.json").write_text(json.dumps({"best": "ace"}))
+    return tmp_path / "shipped"
+
+
+@pytest.fixture
+def installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda module: module)
+
+
+@pytest.mark.usefixtures("installed")
+def test_shipped_agents_have_names_and_best_is_one_of_them(shipped: Path) -> None:
+    assert shelf.shipped() == {
+        "ace": shipped / "ace",
+        "rookie": shipped / "rookie",
+        "best": shipped / "ace",
+    }
+    assert shelf.find("best") == shelf.find("ace") == shipped / "ace"
+    assert shelf.find("nobody") is None
+
+
+@pytest.mark.usefixtures("installed", "shipped")
+def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: Path) -> None:
+    place = agent(tmp_path / "runs/ppo")
+    for given in ("runs/ppo", "runs/ppo/", "runs/ppo/model.zip", str(place)):
+        found = shelf.find(given)
+        assert found is not None
+        assert found.resolve() == place
+    (place / "model.json").unlink()
+    assert shelf.find("runs/ppo") is not None  # what is missing is said when it is loaded
+    for given in ("runs", "runs/nothing", "", "\x00", "x" * 5000):
+        assert shelf.find(given) is None
+
+
+def test_what_agents_need_is_said_where_it_is_missing(
+    shipped: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda module: module != "torch" or None)
+    with pytest.raises(ValueError, match=r"'best' needs torch: pip install 'ferguson-gym\[agents"):
+        make_policy("best")
+
+
+@pytest.mark.usefixtures("shipped")
+def test_an_unknown_policy_is_told_who_there_is() -> None:
+    with pytest.raises(ValueError, match="abc, ace, rookie, best, and the directories of trained"):
+        make_policy("bset")
+
+
+def test_what_is_shipped_is_whole() -> None:
+    for name, directory in shelf.shipped().items():
+        assert (directory / "model.zip").is_file(), name
+        assert (directory / "model.json").is_file(), name
+
+
+def test_planners_fly_without_what_agents_need() -> None:
+    program = (
+        "import sys; from agents.command_line import _parser; from agents import evaluation; "
+        "from agents.policies import make_policy; _parser(); make_policy('guided'); "
+        "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
+    )
+    root = Path(__file__).parent.parent
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=root)
