@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents import bench_commands, train_command
+from agents import bench_commands, demos_command, train_command
 from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seed, seeds
 from ferguson_gym import __version__
 from ferguson_gym.catalog import GRAMMAR, one, select
@@ -100,6 +100,11 @@ def _parser() -> argparse.ArgumentParser:
     plan.add_argument(
         "--turn-radius", type=float, metavar="R", help="turn no sharper than R metres (guided)"
     )
+    plan.add_argument(
+        "--start-from",
+        metavar="AGENT",
+        help="start from what an agent, or any other policy, would fly (single-start, multi-start)",
+    )
     plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
     plan.add_argument("--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)")
     plan.set_defaults(prepare=_prepare_plan)
@@ -122,7 +127,10 @@ def _parser() -> argparse.ArgumentParser:
         required=True,
         metavar="P",
         help=f"a planner ({names}), with options {OPTIONS}; an agent that is shipped (best is the "
-        "best of them), or the directory of one that was trained; may be given several times",
+        "best of them), or the directory of one that was trained; single-start and multi-start "
+        "with +from=POLICY, which starts from that policy's proposals; any policy that decides "
+        "step by step with +shield, where guided takes over doubtful steps; may be given several "
+        "times",
     )
     evaluate.add_argument(
         "--fields",
@@ -158,6 +166,18 @@ def _parser() -> argparse.ArgumentParser:
     animate.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
     animate.set_defaults(prepare=_prepare_animate)
 
+    demos = commands.add_parser(
+        "demos",
+        help="record an expert's flights",
+        description=(
+            "Fly a planner through fields in the environment and write its flights as a Minari "
+            "dataset (pip install 'ferguson-gym[demos]'). Failed flights are left out and counted."
+        ),
+        epilog="example: ferguson demos --expert guided --fields standard/train:0-999 "
+        "--out ferguson/guided-v0 --workers 2",
+    )
+    demos_command.add_to(demos)
+
     train = commands.add_parser(
         "train",
         help="train an agent",
@@ -178,11 +198,17 @@ def _parser() -> argparse.ArgumentParser:
 def _prepare_plan(options: argparse.Namespace) -> Job:
     from agents import planning
     from agents.pictures import check_target
+    from agents.policies import make_planner
     from agents.warm_up import warm
-    from planners.catalog import make
 
-    name = named(options.planner, options.backtrack, options.sensing_range, options.turn_radius)
-    make(name)  # refuses unknown names, and options that do not fit
+    name = named(
+        options.planner,
+        options.backtrack,
+        options.sensing_range,
+        options.turn_radius,
+        options.start_from,
+    )
+    make_planner(name)  # refuses unknown names, and options that do not fit
     field = one(options.field)
     depart(field)  # refuses what cannot be flown
     if options.plot is not None:

@@ -52,6 +52,8 @@ def evaluate(
         draw_flights(shown, directory / picture_of(policy), title=title)
     console = tables.console()
     console.print(tables.summary(flown))
+    if (shields := tables.shields(flown)) is not None:
+        console.print(shields)
     if (paper := tables.paper_table(flown)) is not None:
         console.print(paper)
     pictures = ", ".join(map(picture_of, policies))

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from agents.policies import Policy, is_planner, make_policy
-from agents.warm_up import compile_kernels, warm
+from agents.hands import Hand
+from agents.policies import Policy, make_policy
+from agents.warm_up import compile_kernels, warm_policy
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
@@ -39,6 +41,8 @@ class Flight:
     """Time to choose each action."""
     decisions: list[Decision]
     """What a planner decided; empty for policies that are none."""
+    hands: Sequence[Hand] = ()
+    """In whose hands each step was; empty for policies without a shield."""
     route: Route | None = None
     """What a planner of whole paths found before segments were fitted to it."""
 
@@ -103,6 +107,7 @@ def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
         seconds=time.perf_counter() - began,
         decision_seconds=decision_seconds,
         decisions=list(getattr(policy, "decisions", [])),
+        hands=list(getattr(policy, "hands", [])),
         route=getattr(policy, "route", None),
     )
 
@@ -114,6 +119,5 @@ def fly_by_name(name: str, field: Field, seed: int) -> Flight:
         ValueError: an unknown policy, or an agent that cannot be loaded.
     """
     policy = make_policy(name)  # agents are ready when they are loaded
-    if is_planner(name):
-        warm(name)
+    warm_policy(name)
     return fly(policy, name, field, seed)

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Protocol
 
 from agents import shelf
+from agents.proposals import Proposals
+from agents.shield import Shield
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
-from planners.catalog import PLANNERS, make
+from planners.catalog import PLANNERS, make, starting_from
 from planners.interface import Decision, Plan, Planner, Replanner, State
 from planners.rollout import successor
 from planners.routes import Route
@@ -97,6 +99,42 @@ def is_planner(name: str) -> bool:
     return name.partition("+")[0] in PLANNERS
 
 
+SHIELDED = "+shield"
+"""Ends the name of a policy that flies under a shield."""
+FROM = "+from="
+"""In a planner's name, precedes the policy whose proposals it starts from."""
+
+
+def make_planner(name: str) -> Planner:
+    """The planner of this name, which may end on `+from=POLICY` and then starts from proposals.
+
+    Raises:
+        ValueError: there is none, or not with the options that the name carries.
+    """
+    plain, found, proposer = name.partition(FROM)
+    planner = make(plain)
+    if not found:
+        return planner
+    return starting_from(planner, Proposals(make_policy(proposer)), plain)
+
+
+def shielded(name: str) -> Shield:
+    """The policy of a name without its ending `+shield`, under a shield.
+
+    Raises:
+        ValueError: there is none, or a shield makes no sense around it.
+    """
+    agent = make_policy(name)
+    if isinstance(agent, Tracking):
+        raise ValueError(
+            f"policy {name!r} plans its whole path at once and cannot hand over steps of it; "
+            "shield an agent, or a planner that decides step by step"
+        )
+    if isinstance(agent, Shield):
+        raise ValueError(f"policy {name!r} has a shield already")
+    return Shield(agent)
+
+
 def make_policy(name: str) -> Policy:
     """The policy of this name: a planner, a shipped agent, or the path of a trained one.
 
@@ -104,8 +142,10 @@ def make_policy(name: str) -> Policy:
         ValueError: there is none, or not with the options that the name carries; an agent that
             cannot be loaded.
     """
+    if name.endswith(SHIELDED):
+        return shielded(name.removesuffix(SHIELDED))
     if is_planner(name):
-        return expert(make(name))
+        return expert(make_planner(name))
     place = shelf.find(name)
     if place is None:
         agents = shelf.shipped()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -12,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from agents.flights import Flight
+from agents.hands import Hand, share_handed_over
 from ferguson_gym.paper import TABLE_I, is_from_paper
 from planners.interface import Decision
 
@@ -75,6 +77,32 @@ def summary(flights: Sequence[Flight]) -> Table:
             _median([flight.seconds for flight in flown], 2),
         )
     return table
+
+
+def shields(flights: Sequence[Flight]) -> Table | None:
+    """How much of their flights shielded policies handed over, and why; None if none was."""
+    table = empty_table(
+        "Steps handed over by the shield",
+        "policy",
+        "steps",
+        "handed over",
+        "untouched flights",
+        "why",
+    )
+    for policy in dict.fromkeys(flight.policy for flight in flights if flight.hands):
+        flown = [flight.hands for flight in flights if flight.policy == policy]
+        hands = [hand for steps in flown for hand in steps]
+        untouched = sum(share_handed_over(steps) == 0.0 for steps in flown)
+        why = Counter(hand for hand in hands if hand is not Hand.AGENT)
+        told = ", ".join(f"{hand.label} {number}" for hand, number in why.most_common())
+        table.add_row(
+            Text(policy),
+            str(len(hands)),
+            f"{100 * share_handed_over(hands):.2f} %",
+            f"{100 * untouched / len(flown):.1f} %",
+            told or _NONE,
+        )
+    return table if table.row_count else None
 
 
 def paper_table(flights: Sequence[Flight]) -> Table | None:

@@ -43,7 +43,7 @@ _VIEW = ("observation", "nearest", "focus", "rays")
 
 def prepare(run: Run) -> Job:
     """See `agents.training.Trainer`."""
-    start = None if run.start is None else _start(run)
+    start = None if run.start is None else starting_model(run)
     card = _card(run, start)
     demos = None if run.demos is None else training_demos.read(run.demos)
     for spec in (run.chosen_on, run.reported_on):
@@ -80,7 +80,7 @@ def prepare(run: Run) -> Job:
     return job
 
 
-def _start(run: Run) -> Model:
+def starting_model(run: Run) -> Model:
     """The model that a run begins with.
 
     Raises:
@@ -175,7 +175,7 @@ def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: Pace) -> None:
     """
     model.set_logger(configure(str(run.directory / "tensorboard"), ["tensorboard"]))
     most, checkpoint = run.most_steps, run.directory / "checkpoint"
-    with stop_on_interrupt() as stop, _bar() as bar:
+    with stop_on_interrupt() as stop, progress_bar() as bar:
         watch = _Watch(run, record, pace, stop, bar)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
         if left > 0 and not pace.time_is_up:
@@ -227,7 +227,8 @@ class _Watch(BaseCallback):
         return not (self._stop.asked or self._pace.time_is_up)
 
 
-def _bar() -> Progress:
+def progress_bar() -> Progress:
+    """For a training, on a terminal only."""
     console = Console(stderr=True)
     return Progress(
         TextColumn("{task.description}"),

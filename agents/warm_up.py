@@ -6,10 +6,11 @@ from functools import cache
 
 import numpy as np
 
+from agents.policies import SHIELDED, make_planner
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from planners.catalog import make
+from planners.catalog import PLANNERS
 from planners.interface import Planner, depart
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
@@ -36,6 +37,15 @@ def compile_kernels() -> None:
     field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
 
 
+def warm_policy(name: str) -> None:
+    """Warm the planners that a policy's name asks for."""
+    plain = name.removesuffix(SHIELDED)
+    if plain != name:
+        warm("guided")  # which takes over
+    if plain.partition("+")[0] in PLANNERS:
+        warm(plain)
+
+
 @cache
 def warm(name: str, seconds: float | None = None) -> Planner:
     """A planner that has planned something small, one for all of a process.
@@ -49,7 +59,7 @@ def warm(name: str, seconds: float | None = None) -> Planner:
     Raises:
         ValueError: an unknown planner, or its library is not installed.
     """
-    planner = with_seconds(make(name), seconds)
+    planner = with_seconds(make_planner(name), seconds)
     field = small_field()
     with_seconds(planner, _SECONDS).plan(field, depart(field), 0)
     return planner

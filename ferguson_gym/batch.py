@@ -272,7 +272,12 @@ def _borrowed(given: Bare) -> Job:
         borrowed(job.actions),
         job.limits,
         job.prices,
-        Layout(job.layout.nearest, borrowed(job.layout.ways), job.layout.focus),
+        Layout(
+            job.layout.nearest,
+            borrowed(job.layout.ways),
+            job.layout.focus,
+            job.layout.sight,
+        ),
         job.mode,
         borrowed(job.seen),
         borrowed(job.reports),

@@ -61,6 +61,24 @@ def select(spec: str) -> Iterator[Field]:
     return map(draw, range(first, last + 1))
 
 
+def family(spec: str) -> tuple[str, range]:
+    """What a specification of drawn fields names: `FAMILY:n` for each n of a range.
+
+    Such names mean the same fields everywhere and always; files may change.
+
+    Raises:
+        ValueError: as `select`, or it names files.
+    """
+    select(spec)
+    match = _NAMED.fullmatch(spec)
+    if match is None or Path(spec).exists():
+        raise ValueError(
+            f"{spec!r} is a file, which may change; need fields of a suite or of the paper"
+        )
+    first = int(match["first"])
+    return match["family"], range(first, int(match["last"] or first) + 1)
+
+
 def one(spec: str) -> Field:
     """The single field that a specification names.
 

@@ -57,7 +57,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     An end point within the gate of the goal is moved onto the goal.
 
     ## Observation space
-    `Dict` of vectors, float32, all in [-1, 1]; lengths are parts of 30 m unless said otherwise
+    `Dict` of vectors, float32, all in [-1, 1]; lengths are parts of `view` unless said otherwise
     and are clipped there. `gymnasium.wrappers.FlattenObservation` makes one vector of it.
 
     | key | size | holds | range |
@@ -69,8 +69,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
 
-    and, with `observation="discs"` (the default), the nearest obstacles, or, with
-    `observation="rays"`, what a lidar would measure:
+    and, with `observation="discs"` (the default), the nearest obstacles, with
+    `observation="rays"` what a lidar would measure, or, with `observation="both"`, both:
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
@@ -80,7 +80,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
     | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
 
-    Obstacles are those within 30 m of the point `focus` metres ahead of the vehicle, nearest to
+    Obstacles are those within `view` of the point `focus` metres ahead of the vehicle, nearest to
     it first, by the distance from their surface. With a plain network rays learn faster
     (docs/learnability.md).
 
@@ -129,10 +129,11 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `radii` | None | their (least, greatest) radius [m], where it is not the suite's |
     | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
     | `segments` | 40 | segments of a flight |
-    | `observation` | discs | or rays |
+    | `observation` | discs | or rays, or both |
     | `nearest` | 12 | obstacles that are seen |
     | `focus` | 0.0 | how far ahead [m] the point is to which they are nearest |
     | `rays` | 64 | rays, all around |
+    | `view` | 30.0 | how far is seen, and what lengths are parts of [m] |
     | `detour`, `failure` | 4.0, 2.0 | prices in the reward |
     | `capacity` | None | obstacles that fields may have, if more than the suite's have |
     | `render_mode` | None | or human, rgb_array |

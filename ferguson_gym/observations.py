@@ -16,30 +16,28 @@ from ferguson_gym.compilation import compiled, compiled_in_place
 Single: TypeAlias = NDArray[np.float32]
 Observation: TypeAlias = dict[str, Single]
 
-VIEW = 30.0
-"""Lengths in observations are parts of this [m], two of the longest segments."""
-_SHARE = 1.0 / VIEW
-
-KINDS = ("discs", "rays")
-"""What obstacles are seen as: the nearest discs, or ranges along rays (a lidar)."""
+KINDS = ("discs", "rays", "both")
+"""What obstacles are seen as: the nearest discs, ranges along rays (a lidar), or both."""
 
 
 class Layout(NamedTuple):
     """Where a flat observation has its entries; in the order of `gymnasium.spaces.flatten`."""
 
     nearest: int
-    """K discs that are seen; 0 where rays are."""
+    """K discs that are seen; 0 for rays alone."""
     ways: Single
-    """Directions (2, R) in the vehicle's frame of the ranges that are seen; (2, 0) where
-    discs are."""
+    """Directions (2, R) in the vehicle's frame of the ranges that are seen; (2, 0) for discs
+    alone."""
     focus: float
     """Discs are seen that are nearest to the point this far ahead [m]."""
+    sight: float
+    """How far is seen, and what lengths are parts of [m]."""
 
     def entries(self) -> dict[str, int]:
         """Number of values of each entry, in order."""
-        if rays := self.ways.shape[1]:
-            return {"goal": 3, "rays": rays, "vehicle": 6}
-        return {"goal": 3, "mask": self.nearest, "obstacles": 4 * self.nearest, "vehicle": 6}
+        sizes = {"goal": 3, "mask": self.nearest, "obstacles": 4 * self.nearest}
+        sizes |= {"rays": self.ways.shape[1], "vehicle": 6}
+        return {key: size for key, size in sizes.items() if size}
 
 
 def rays_around(number: int) -> Single:
@@ -113,16 +111,16 @@ def look(
     row[2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
 
     rays, nearest = layout.ways.shape[1], layout.nearest
-    rest = seen[3 * number :]
-    if rays > 0:
-        ranges = rest[rays * i : rays * (i + 1)]
-        _ranges(ranges, layout.ways, position, turn, bounds, columns, radii, work, found)
-        rest = rest[rays * number :]
-    else:
+    rest, view = seen[3 * number :], layout.sight
+    if nearest > 0:
         mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
         rows = rest[4 * nearest * i : 4 * nearest * (i + 1)]
-        _nearest(mask, rows, layout.focus, position, cos, sin, columns, radii, work, found)
+        _nearest(mask, rows, layout.focus, view, position, cos, sin, columns, radii, work, found)
         rest = rest[4 * nearest * number :]
+    if rays > 0:
+        ranges = rest[rays * i : rays * (i + 1)]
+        _ranges(ranges, layout.ways, view, position, turn, bounds, columns, radii, work, found)
+        rest = rest[rays * number :]
 
     row = rest[6 * i : 6 * i + 6]
     for d in range(2):
@@ -136,13 +134,19 @@ def look(
 
 
 @compiled_in_place
-def _within_view(
-    x: float, y: float, columns: Array, radii: Array, spare: Array, found: NDArray[np.int64]
+def _within(
+    view: float,
+    x: float,
+    y: float,
+    columns: Array,
+    radii: Array,
+    spare: Array,
+    found: NDArray[np.int64],
 ) -> int:
-    """Fill `found` with the discs whose surface is within VIEW of a point; their number."""
+    """Fill `found` with the discs whose surface is within view of a point; their number."""
     for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
         along, across = columns[0, k] - x, columns[1, k] - y
-        wide = radii[k] + VIEW
+        wide = radii[k] + view
         wide = wide if wide > 0.0 else 0.0
         spare[k] = wide * wide - (along * along + across * across)
     number = 0
@@ -157,6 +161,7 @@ def _nearest(
     mask: Single,
     rows: Single,
     focus: float,
+    view: float,
     position: Array,
     cos: float,
     sin: float,
@@ -165,10 +170,10 @@ def _nearest(
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Fill mask (K,) and obstacles (4 K,): discs within VIEW, nearest to the focus first."""
-    near = work[1]
+    """Fill mask (K,) and obstacles (4 K,): discs within view, nearest to the focus first."""
+    near, share = work[1], 1.0 / view
     x, y = position[0] + focus * cos, position[1] + focus * sin
-    seen = _within_view(x, y, columns, radii, work[0], found)
+    seen = _within(view, x, y, columns, radii, work[0], found)
     for m in range(seen):
         k = found[m]
         along, across = columns[0, k] - x, columns[1, k] - y
@@ -186,10 +191,10 @@ def _nearest(
         if j < len(mask):
             k = found[m]
             x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-            rows[4 * j] = _clipped((cos * x + sin * y) * _SHARE)
-            rows[4 * j + 1] = _clipped((cos * y - sin * x) * _SHARE)
-            rows[4 * j + 2] = _clipped(radii[k] * _SHARE)
-            rows[4 * j + 3] = _clipped((np.sqrt(x * x + y * y) - radii[k]) * _SHARE)
+            rows[4 * j] = _clipped((cos * x + sin * y) * share)
+            rows[4 * j + 1] = _clipped((cos * y - sin * x) * share)
+            rows[4 * j + 2] = _clipped(radii[k] * share)
+            rows[4 * j + 3] = _clipped((np.sqrt(x * x + y * y) - radii[k]) * share)
             mask[j] = 1.0
 
 
@@ -197,6 +202,7 @@ def _nearest(
 def _ranges(
     ranges: Single,
     ways: Single,
+    far: float,
     position: Array,
     turn: complex,
     bounds: Array,
@@ -215,7 +221,7 @@ def _ranges(
     tiny = np.float32(1e-30)
     west, east = np.float32(bounds[0, 0] - position[0]), np.float32(bounds[1, 0] - position[0])
     south, north = np.float32(bounds[0, 1] - position[1]), np.float32(bounds[1, 1] - position[1])
-    view = np.float32(VIEW)
+    view = np.float32(far)
     for j in range(len(ranges)):
         x = cos * ways[0, j] - sin * ways[1, j]
         y = sin * ways[0, j] + cos * ways[1, j]
@@ -226,7 +232,7 @@ def _ranges(
         reach = along if along < across else across
         reach = reach if reach < view else view
         ranges[j] = reach if reach > none else none
-    for m in range(_within_view(position[0], position[1], columns, radii, work[0], found)):
+    for m in range(_within(far, position[0], position[1], columns, radii, work[0], found)):
         k = found[m]
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
         ahead = np.float32(turn.real * x + turn.imag * y)

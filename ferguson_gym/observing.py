@@ -13,6 +13,11 @@ from ferguson_gym.observations import Observation, entries_of, look
 from ferguson_gym.settings import Settings
 
 
+def observe_one(field: Field, vehicle: State, settings: Settings) -> Observation:
+    """The observation (size,) by entry of a single vehicle; otherwise as `observe`."""
+    return {name: rows[0] for name, rows in observe(field, [vehicle], settings).items()}
+
+
 def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Observation:
     """Observations (n, size) by entry, as an environment with these settings gives them.
 

@@ -37,6 +37,9 @@ class Obstacles(Protocol):
     def only(self, keep: NDArray[np.bool_]) -> Obstacles:
         """Those that a mask (n,) keeps."""
 
+    def grown(self, by: Array) -> Obstacles:
+        """Each with its surface moved outwards by a distance (n,) [m], 0 or more."""
+
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
 
@@ -126,6 +129,10 @@ class Discs:
     def only(self, keep: NDArray[np.bool_]) -> Discs:
         """Those that a mask (n,) keeps."""
         return Discs(self.centers[keep], self.radii[keep])
+
+    def grown(self, by: Array) -> Discs:
+        """Each with its radius longer by a distance (n,) [m], 0 or more."""
+        return Discs(self.centers, self.radii + by)
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""

@@ -9,7 +9,7 @@ from numbers import Integral, Real
 from ferguson_gym.arrays import finite
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.observations import KINDS, VIEW, Layout, rays_around
+from ferguson_gym.observations import KINDS, Layout, rays_around
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.rewards import Prices
 from ferguson_gym.suites import (
@@ -25,6 +25,8 @@ MOST_FIELDS = 1_000_000
 """That resets may draw from: each has its place in an array."""
 MOST_OBSTACLES = 10_000
 """That a field may have room for; also the most rays, rows and segments."""
+FARTHEST = 1000.0
+"""That may be seen [m]."""
 MOST_IN_TRAPS = 117
 """Five pockets of at most 21 discs, and 12 single ones."""
 
@@ -48,6 +50,7 @@ class Settings:
     nearest: int = 12
     focus: float = 0.0
     rays: int = 64
+    view: float = 30.0
     detour: float = 4.0
     failure: float = 2.0
     capacity: int | None = None
@@ -75,8 +78,10 @@ class Settings:
         for name in ("nearest", "rays", "segments"):
             if not 1 <= (number := getattr(self, name)) <= MOST_OBSTACLES:
                 raise ValueError(f"need {name} from 1 to {MOST_OBSTACLES}, got {number}")
-        if not 0.0 <= self.focus <= VIEW:
-            raise ValueError(f"focus lies between 0 and {VIEW:g} m ahead, got {self.focus}")
+        if not 1.0 <= self.view <= FARTHEST:
+            raise ValueError(f"view lies between 1 and {FARTHEST:g} m, got {self.view}")
+        if not 0.0 <= self.focus <= self.view:
+            raise ValueError(f"focus lies between 0 and {self.view:g} m ahead, got {self.focus}")
         for name in ("detour", "failure"):
             if not 0.0 <= (price := getattr(self, name)) <= 100.0:
                 raise ValueError(f"the price {name} lies between 0 and 100, got {price}")
@@ -89,7 +94,7 @@ class Settings:
 
     def _check_numbers(self) -> None:
         whole = ("fields", "obstacles", "segments", "nearest", "rays", "capacity")
-        for name in (*whole, "gate", "focus", "detour", "failure"):
+        for name in (*whole, "gate", "focus", "view", "detour", "failure"):
             given = getattr(self, name)
             if given is None and name in ("obstacles", "capacity"):
                 continue
@@ -122,9 +127,9 @@ class Settings:
     @property
     def layout(self) -> Layout:
         """Layout of observations."""
-        if self.observation == "rays":
-            return Layout(0, rays_around(int(self.rays)), 0.0)
-        return Layout(int(self.nearest), rays_around(0), float(self.focus))
+        nearest = 0 if self.observation == "rays" else int(self.nearest)
+        rays = 0 if self.observation == "discs" else int(self.rays)
+        return Layout(nearest, rays_around(rays), float(self.focus), float(self.view))
 
     @property
     def most(self) -> int:

@@ -11,11 +11,13 @@ from planners.budget import Iterations
 from planners.extras import require
 from planners.guided import Guided
 from planners.interface import Planner, Replanner
+from planners.margin import Margin
 from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
 from planners.receding_horizon import RecedingHorizon
 from planners.sensing import Sensing
 from planners.shortest import Exact
+from planners.starts import Proposer
 from planners.swarm import bees, particles
 from planners.voronoi import VoronoiEdges
 from planners.whole_path import WholePath
@@ -108,8 +110,11 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
 """Makers of planners by name."""
 
 
-OPTIONS = "NAME+turn=METRES, or NAME+backtrack, NAME+sensing=METRES or both"
+OPTIONS = "NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES, NAME+sensing=METRES or several"
 """How a planner's name carries options, for people."""
+_ORDER = ("turn", "backtrack", "margin", "sensing")
+"""From the planner outwards: what backtracks keeps the margin, and neither knows more than is
+sensed."""
 
 
 def make(name: str) -> Planner:
@@ -117,7 +122,7 @@ def make(name: str) -> Planner:
 
     `guided+turn=3` keeps a turn radius of 3 m, `guided+sensing=20` knows the obstacles within
     20 m of where it has been, `multi-start+backtrack` is led out of the dead ends that it is
-    caught in.
+    caught in, `guided+margin=0.5` keeps half a metre from obstacles where it can.
 
     Raises:
         ValueError: there is none, its library is not installed, or an option is unknown, does
@@ -130,30 +135,65 @@ def make(name: str) -> Planner:
     labels = [option.partition("=")[0] for option in options]
     if len(set(labels)) < len(labels):
         raise ValueError(f"planner {name!r} carries an option twice")
-    if "turn" in labels and len(labels) > 1:
+    if "turn" in labels and {"backtrack", "sensing"} & set(labels):
         raise ValueError(
             f"planner {name!r}: a turn radius is not kept where a planner backtracks or senses; "
             "leave one out"
         )
-    # sorted: what backtracks knows no more than what is sensed
-    for option in sorted(options):
+    if unknown := [option for option in options if not _is_known(option)]:
+        raise ValueError(f"unknown option {unknown[0]!r} of planner {plain!r}; need {OPTIONS}")
+    for option in sorted(options, key=lambda option: _ORDER.index(option.partition("=")[0])):
         planner = _with_option(planner, plain, option)
     return planner
 
 
-def named(plain: str, backtrack: bool, sensing: float | None, turn: float | None) -> str:
-    """The name of a planner with these options; sensing range and turn radius are in m."""
+def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
+    """A planner whose windows start from proposals.
+
+    Args:
+        planner: of the paper's kind, whatever its options.
+        proposer: proposes the starts.
+        name: of the planner, for people.
+
+    Raises:
+        ValueError: the planner has no starts to choose.
+    """
+    if isinstance(planner, RecedingHorizon):
+        return replace(planner, proposer=proposer)
+    if isinstance(planner, Sensing | Backtracking):
+        inner = starting_from(planner.planner, proposer, name)
+        assert isinstance(inner, Replanner)
+        return replace(planner, planner=inner)
+    raise ValueError(
+        f"planner {name!r} takes no starts from an agent; single-start and multi-start do"
+    )
+
+
+def named(
+    plain: str,
+    backtrack: bool,
+    sensing: float | None,
+    turn: float | None,
+    proposer: str | None = None,
+) -> str:
+    """The name of a planner with these options; sensing range and turn radius are in m.
+
+    A proposer, a policy's name, comes last, since it may carry options of its own.
+    """
     name = plain + "+backtrack" * backtrack
     for label, value in (("sensing", sensing), ("turn", turn)):
         if value is not None:
             name += f"+{label}={str(value).removesuffix('.0')}"
-    return name
+    return name if proposer is None else f"{name}+from={proposer}"
+
+
+def _is_known(option: str) -> bool:
+    label = option.partition("=")[0]
+    return label in _ORDER and (label != "backtrack" or option == label)
 
 
 def _with_option(planner: Planner, plain: str, option: str) -> Planner:
     label, _, value = option.partition("=")
-    if option != "backtrack" and label not in ("sensing", "turn"):
-        raise ValueError(f"unknown option {option!r} of planner {plain!r}; need {OPTIONS}")
     if label == "turn":
         if not isinstance(planner, Guided):
             raise ValueError(f"planner {plain!r} keeps no turn radius; guided does")
@@ -165,6 +205,8 @@ def _with_option(planner: Planner, plain: str, option: str) -> Planner:
         )
     if label == "backtrack":
         return Backtracking(planner=planner, guide=Guided())
+    if label == "margin":
+        return Margin(planner=planner, margin=_metres("a margin", value))
     return Sensing(planner=planner, reach=_metres("a sensing range", value))
 
 

@@ -11,6 +11,7 @@ import dataclasses
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -231,3 +232,13 @@ class DistanceToGo:
             radii=radii,
             angles=angles,
         )
+
+
+@lru_cache(maxsize=2)
+def distance_to_go(field: Field) -> DistanceToGo:
+    """Built once a flight: fields are known by identity, and one flight follows the other.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    return DistanceToGo(field)

@@ -11,7 +11,6 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -24,7 +23,7 @@ from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.chain import Chain
 from planners.classes import classes
-from planners.distance import DistanceToGo
+from planners.distance import distance_to_go
 from planners.exchange import Certified, WindowSolver
 from planners.fit import ASIDE, STIFFNESS
 from planners.interface import Decision, Plan, State, WindowReport
@@ -47,12 +46,6 @@ class Start(NamedTuple):
     window: Window
     guess: Array
     """Segments (n, 4, 2)."""
-
-
-@lru_cache(maxsize=2)
-def _distance_to_go(field: Field) -> DistanceToGo:
-    """Built once a flight: fields are known by identity, and one flight follows the other."""
-    return DistanceToGo(field)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,7 +138,7 @@ class Guided:
 
     def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
         """The shortest paths of the best classes, numbered from 1."""
-        togo, position = _distance_to_go(field), state.vehicle.position
+        togo, position = distance_to_go(field), state.vehicle.position
         best = classes(togo, position, self.classes)
         yield from enumerate(best, start=1)
         # not found at once: most flights never need a detour
@@ -157,7 +150,7 @@ class Guided:
         """So many segments, past the obstacles within their reach."""
         return Window(
             chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
-            objective=ToGoObjective(_distance_to_go(field)),
+            objective=ToGoObjective(distance_to_go(field)),
             field=field,
             obstacles=field.obstacles.near(vehicle.position, segments * self.limits.longest),
             limits=self.limits,
@@ -195,7 +188,7 @@ class Guided:
         if np.array_equal(chain[-1, 1], field.goal):
             return True
         end = flight.State(chain[-1, 1], chain[-1, 3])
-        path = _distance_to_go(field).path(end.position)
+        path = distance_to_go(field).path(end.position)
         if path is None:
             return False
         points = path.points(SPACING)

@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from planners.exchange import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart
 from planners.rollout import arriving, rest, roll_out
-from planners.starts import RandomGuess, random_chains, shifted, straight
+from planners.starts import Proposer, RandomGuess, random_chains, shifted, straight
 from planners.window import Window, WindowSettings, final_window, horizon_window
 
 
@@ -46,6 +46,12 @@ class RecedingHorizon:
     """Most draws for each of them; a start that stays infeasible is left out."""
     random_guess: RandomGuess = random_chains
     """How a random guess is drawn."""
+    proposer: Proposer | None = None
+    """Proposes starts. They are searched first and alone: who proposes knows more of the way than
+    the objective, by which other starts would win. The shifted plan and the random starts follow
+    where that leads to nothing, so that a way on is found wherever it would be without."""
+    polish: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
+    """Searches from proposals."""
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
@@ -74,9 +80,18 @@ class RecedingHorizon:
         window = self.window(field, vehicle)
         begun: list[tuple[str, Array]] = []
         solved: list[tuple[str, Certified]] = []
-        for starts in self.starts(window, state, seed):
+        proposed = self._proposed(field, vehicle, seed)
+        for name, guess in proposed:
+            if np.array_equal(guess[-1, 1], field.goal):
+                arrival = self._final(field, vehicle, guess, self.polish, until)
+                begun.append((name, guess))
+                solved.append((name, arrival))
+                if self._flies(field, vehicle, arrival):
+                    report = _report(state, name, arrival, solved, began, until)
+                    return Decision(arrival.control, replace(report, final=True), begun)
+        for solver, starts in self._rounds(window, state, seed, proposed):
             names, guesses = zip(*starts, strict=True)
-            ends = self.solver.solve(window, guesses, until)
+            ends = solver.solve(window, guesses, until)
             solved += zip(names, ends, strict=False)
             begun += starts[: len(ends)]
             # sorting is stable: the first of equal chains wins, as in the paper
@@ -85,9 +100,9 @@ class RecedingHorizon:
                 key=lambda pair: pair[1].solution.objective,
             )
             for name, kept in ranked:
-                final = self._finish(field, state, kept.control, until)
+                final = self._finish(field, vehicle, kept.control, solver, until)
                 kept = final or kept
-                if flight.follow(field, vehicle, kept.control[0], self.limits).flown:
+                if self._flies(field, vehicle, kept):
                     report = _report(state, name, kept, solved, began, until, final)
                     return Decision(kept.control, report, begun)
             if time.perf_counter() > until:
@@ -103,6 +118,24 @@ class RecedingHorizon:
         fit = max(1, int(distance / self.limits.shortest))
         segments = min(self.settings.segments, fit)
         return horizon_window(field, vehicle, self.limits, self.settings, segments)
+
+    def _proposed(self, field: Field, vehicle: flight.State, seed: int) -> list[tuple[str, Array]]:
+        """What the proposer proposes, if there is one, by name."""
+        if self.proposer is None:
+            return []
+        chains = self.proposer.propose(field, vehicle, self.settings.segments, seed)
+        return [(f"proposal {rank}", chain) for rank, chain in enumerate(chains, start=1)]
+
+    def _rounds(
+        self, window: Window, state: State, seed: int, proposed: Sequence[tuple[str, Array]]
+    ) -> Iterator[tuple[WindowSolver, list[tuple[str, Array]]]]:
+        """Starts by name, and what searches from them; the next where the last led to nothing."""
+        if proposed:
+            segments = window.chain.segments
+            fitted = [(name, shifted(state.vehicle, guess, segments)) for name, guess in proposed]
+            yield self.polish, fitted
+        for starts in self.starts(window, state, seed):
+            yield self.solver, starts
 
     def starts(self, window: Window, state: State, seed: int) -> Iterator[list[tuple[str, Array]]]:
         """The shifted plan (at first a straight line) and random feasible chains, by name.
@@ -137,16 +170,36 @@ class RecedingHorizon:
             for start in np.flatnonzero(admitted.any(axis=1))
         ]
 
-    def _finish(self, field: Field, state: State, chain: Array, until: float) -> Certified | None:
+    def _finish(
+        self,
+        field: Field,
+        vehicle: flight.State,
+        chain: Array,
+        solver: WindowSolver,
+        until: float,
+    ) -> Certified | None:
         """The chain re-optimised to end on the goal, if its end is within the gate."""
         if np.linalg.norm(chain[-1, 1] - field.goal) > self.limits.gate:
             return None
-        window = final_window(field, state.vehicle, self.limits, self.settings, len(chain))
-        (final,) = self.solver.solve(window, [chain], until)
-        if not final.feasible:
-            return None
-        step = flight.follow(field, state.vehicle, final.control[0], self.limits)
-        return final if step.flown else None
+        final = self._final(field, vehicle, chain, solver, until)
+        return final if self._flies(field, vehicle, final) else None
+
+    def _final(
+        self,
+        field: Field,
+        vehicle: flight.State,
+        guess: Array,
+        solver: WindowSolver,
+        until: float,
+    ) -> Certified:
+        """The shortest chain found to the goal, of as many segments as a guess has."""
+        window = final_window(field, vehicle, self.limits, self.settings, len(guess))
+        (final,) = solver.solve(window, [guess], until)
+        return final
+
+    def _flies(self, field: Field, vehicle: flight.State, end: Certified) -> bool:
+        """Whether a chain is certified, and its first segment flies as an action."""
+        return end.feasible and flight.follow(field, vehicle, end.control[0], self.limits).flown
 
 
 def _report(

@@ -9,17 +9,29 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
 from ferguson_gym.limits import Limits
 
 RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
 """Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""
+
+
+class Proposer(Protocol):
+    """Someone else's idea of how to go on, a learned agent's for example."""
+
+    def propose(self, field: Field, state: State, segments: int, seed: int) -> Sequence[Array]:
+        """Chains (n, 4, D) from a state; none, if it has no idea.
+
+        They need not be feasible. One of fewer than so many segments ends on the goal, or is the
+        beginning of an idea.
+        """
 
 
 def straight(state: State, segments: int, limits: Limits) -> Array:

@@ -63,7 +63,7 @@ def vehicle_and_goal(field: Field, position: Any, derivative: Any, left: float) 
 
 
 def nearest_discs(
-    field: Field, position: Any, derivative: Any, number: int, focus: float
+    field: Field, position: Any, derivative: Any, number: int, focus: float, view: float = VIEW
 ) -> tuple[np.ndarray, np.ndarray]:
     axes = frame(derivative)
     point = position + focus * axes[0]
@@ -73,17 +73,22 @@ def nearest_discs(
         for k, (center, radius) in enumerate(zip(discs.centers, discs.radii, strict=True))
     ]
     rows, mask = np.zeros((number, 4)), np.zeros(number)
-    chosen = [k for distance, k in sorted(away) if distance < VIEW]
+    chosen = [k for distance, k in sorted(away) if distance < view]
     for row, k in enumerate(chosen[:number]):
         offset = discs.centers[k] - position
         surface = np.hypot(*offset) - discs.radii[k]
         rows[row] = [*(axes @ offset), discs.radii[k], surface]
         mask[row] = 1.0
-    return np.clip(rows / VIEW, -1.0, 1.0).ravel(), mask
+    return np.clip(rows / view, -1.0, 1.0).ravel(), mask
 
 
 def ranges(
-    field: Field, position: Any, derivative: Any, number: int, more: float = 0.0
+    field: Field,
+    position: Any,
+    derivative: Any,
+    number: int,
+    more: float = 0.0,
+    view: float = VIEW,
 ) -> np.ndarray:
     """Along each ray the least root, of the walls' linear and the discs' quadratic equations.
 
@@ -94,7 +99,7 @@ def ranges(
     reach = []
     for angle in np.arange(number) * 2.0 * np.pi / number:
         way = np.cos(angle) * forward + np.sin(angle) * aside
-        steps = [VIEW]
+        steps = [view]
         for wall in field.bounds:
             with np.errstate(divide="ignore", invalid="ignore"):
                 step = (wall - position) / way
@@ -106,12 +111,12 @@ def ranges(
         for side in (-1.0, 1.0):
             steps += [one for one in side * np.sqrt(square[cut]) - half[cut] if one > 0.0]
         reach.append(min(steps))
-    return np.array(reach) / VIEW
+    return np.array(reach) / view
 
 
-def assert_ranges(rays: np.ndarray, *place: Any) -> None:
-    assert (rays >= ranges(*place, len(rays), 2e-5) - 2e-6).all()
-    assert (rays <= ranges(*place, len(rays), -2e-5) + 2e-6).all()
+def assert_ranges(rays: np.ndarray, *place: Any, view: float = VIEW) -> None:
+    assert (rays >= ranges(*place, len(rays), 2e-5, view) - 2e-6).all()
+    assert (rays <= ranges(*place, len(rays), -2e-5, view) + 2e-6).all()
 
 
 def flights(suite: str, **arguments: Any) -> Iterator[tuple[ObstacleField, dict]]:
@@ -141,6 +146,21 @@ def test_flights_see_vehicle_goal_and_discs(suite: str, nearest: int, focus: flo
         np.testing.assert_allclose(seen["obstacles"], rows, **CLOSE)
         np.testing.assert_array_equal(seen["mask"], mask)
         assert env.observation_space.contains(seen)
+
+
+@pytest.mark.parametrize("view", [9.0, 170.0])
+def test_both_are_seen_and_as_far_as_is_asked_for(view: float) -> None:
+    seeing: dict[str, Any] = {"observation": "both", "rays": 12, "nearest": 60, "view": view}
+    numbers = []
+    for env, seen in flights("standard", focus=5.0, **seeing):
+        assert list(seen) == ["goal", "mask", "obstacles", "rays", "vehicle"]
+        place = env.field, env.state.position, env.state.derivative
+        rows, mask = nearest_discs(*place, 60, 5.0, view)
+        np.testing.assert_allclose(seen["obstacles"], rows, **CLOSE)
+        np.testing.assert_array_equal(seen["mask"], mask)
+        assert_ranges(seen["rays"].astype(float), *place, view=view)
+        numbers.append(mask.sum())
+    assert (max(numbers) < 50) == (view < 20.0)
 
 
 @pytest.mark.parametrize("suite", SUITES)

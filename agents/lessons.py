@@ -1,0 +1,102 @@
+"""Lessons: states of flights, what is seen there, and what an expert would do."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.flight import State
+from ferguson_gym.observing import observe
+from ferguson_gym.settings import Settings
+
+COLUMNS = 10
+"""Of a row: the seed of the field, position and derivative (2 each), segments flown, action (4)."""
+_AROUND = Settings(nearest=12, focus=8.0)
+"""The discs that an action can cut into, whatever the learner sees."""
+_FIRST = 4096
+"""Rows that there is room for at first; it doubles when it is used up."""
+
+
+class Lesson(NamedTuple):
+    """Some lessons at once."""
+
+    seen: dict[str, Tensor]
+    """Entries (n, size)."""
+    actions: Tensor
+    """(n, 4) the expert's."""
+    discs: Tensor
+    """(n, K, 3) around the vehicle: centre in its frame and radius [m]."""
+    present: Tensor
+    """(n, K) 1 for a disc, 0 for padding."""
+
+
+def row(seed: int, vehicle: State, action: NDArray[np.float32]) -> list[float]:
+    """A lesson as a row of `COLUMNS` numbers."""
+    return [seed, *vehicle.position, *vehicle.derivative, vehicle.segments, *action]
+
+
+class Lessons:
+    """All lessons so far, as a learner with these settings sees them."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._settings = settings
+        self._parts: dict[str, NDArray[np.float32]] = {}
+        self._number = 0
+
+    def __len__(self) -> int:
+        return self._number
+
+    def add(self, rows: Array) -> None:
+        """Take in rows (n, COLUMNS); rows of one field stand together."""
+        cuts = np.flatnonzero(np.diff(rows[:, 0])) + 1
+        for part in np.split(rows, cuts) if len(rows) else []:
+            field = self._settings.field(int(part[0, 0]))
+            vehicles = [State(one[1:3], one[3:5], int(one[5])) for one in part]
+            around = observe(field, vehicles, _AROUND)
+            self.put(
+                {
+                    **observe(field, vehicles, self._settings),
+                    "_discs": _AROUND.view * _columns(around["obstacles"]),
+                    "_present": around["mask"],
+                    "_actions": part[:, 6:].astype(np.float32),
+                }
+            )
+
+    def put(self, columns: dict[str, NDArray[np.float32]]) -> None:
+        """Take in columns (n, size) as they are stored."""
+        number = len(columns["_actions"])
+        if not self._parts:
+            self._parts = {
+                key: np.empty((_FIRST, value.shape[1]), np.float32)
+                for key, value in columns.items()
+            }
+        while self._number + number > len(self._parts["_actions"]):
+            self._parts = {
+                key: np.concatenate([value, np.empty_like(value)])
+                for key, value in self._parts.items()
+            }
+        for key, value in columns.items():
+            self._parts[key][self._number : self._number + number] = value
+        self._number += number
+
+    def draw(self, stream: np.random.Generator, number: int) -> Lesson:
+        """So many lessons at random, each as likely as the others."""
+        which = stream.integers(0, self._number, number)
+        drawn = {key: torch.from_numpy(value[which]) for key, value in self._parts.items()}
+        return Lesson(
+            {key: value for key, value in drawn.items() if not key.startswith("_")},
+            drawn["_actions"],
+            drawn["_discs"].view(number, -1, 3),
+            drawn["_present"],
+        )
+
+
+def _columns(obstacles: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Centre and radius (n, 3 K) out of rows of four."""
+    rows = obstacles.reshape(len(obstacles), -1, 4)[:, :, :3]
+    return np.ascontiguousarray(rows.reshape(len(obstacles), -1))

@@ -1,0 +1,86 @@
+"""How far segments are from feasible, as torch sees it: a price that a learner can descend.
+
+An error of a tenth of a metre costs nothing in the open and a flight beside an obstacle; the
+likelihood of an expert's action cannot tell. Sampled, not certified: what is flown is judged by
+`ferguson_gym.feasibility`, as ever.
+"""
+
+from __future__ import annotations
+
+import math
+
+import torch
+from torch import Tensor
+
+from ferguson_gym.actions import AHEAD, BEND, REACH, STEEPEST
+from ferguson_gym.limits import PAPER_LIMITS
+
+CLEARANCE = 0.35
+"""From which on nearness to obstacles costs nothing [m]."""
+AHEAD_OF_END = ((1.0, 0.3), (2.0, 0.0))
+"""How far ahead of a segment's end, as it arrives, it is to be clear, and by how much [m]."""
+_ROOM = 0.5
+"""How much longer than the shortest, and shorter than the longest, segments are to be [m]."""
+_SLOWEST = 0.6
+"""Least size of the derivative that costs nothing [m per unit t]."""
+_SAMPLES = 12
+_FINENESS = 4.0
+_SPREAD = STEEPEST / math.sinh(_FINENESS)
+_SHARE = AHEAD / REACH
+_OFFSET = math.asinh(AHEAD / _SPREAD) / _FINENESS
+
+
+def speed_of(share: Tensor) -> Tensor:
+    """Size of the derivative [m per unit t] whose share an observation shows."""
+    return _SPREAD * torch.sinh(_FINENESS * share)
+
+
+def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) -> Tensor:
+    """What the segments (n,) that actions mean lack to be flown and to be flown on from [m].
+
+    Args:
+        actions: (n, 4).
+        speed: (n,) size of the derivative that they begin with [m per unit t].
+        discs: (n, K, 3) centre and radius in the vehicle's frame [m].
+        present: (n, K) 1 for a disc, 0 for padding.
+    """
+    end, slope = _decoded(actions)
+    start = torch.stack([speed, torch.zeros_like(speed)], dim=1)
+    t = torch.linspace(1.0 / _SAMPLES, 1.0, _SAMPLES)[:, None]
+    sides = end[:, None], start[:, None], slope[:, None]
+    weights = (3 * t**2 - 2 * t**3, t**3 - 2 * t**2 + t, t**3 - t**2)
+    slopes = (6 * t - 6 * t**2, 3 * t**2 - 4 * t + 1, 3 * t**2 - 2 * t)
+    points = sum(weight * side for weight, side in zip(weights, sides, strict=True))
+    pace = _size(sum(weight * side for weight, side in zip(slopes, sides, strict=True)))
+    onward = slope / (_size(slope)[:, None] + 1e-3)
+    far, room = (end.new_tensor(column) for column in zip(*AHEAD_OF_END, strict=True))
+    beyond = end[:, None] + far[:, None] * onward[:, None]
+    length = pace.mean(dim=1)
+    return (
+        torch.relu(CLEARANCE - _clearance(points, discs, present)).sum(dim=1)
+        + 0.5 * torch.relu(room - _clearance(beyond, discs, present)).sum(dim=1)
+        + torch.relu(PAPER_LIMITS.shortest + _ROOM - length)
+        + torch.relu(length - (PAPER_LIMITS.longest - _ROOM))
+        + torch.relu(_SLOWEST - pace).sum(dim=1)
+    )
+
+
+def _decoded(actions: Tensor) -> tuple[Tensor, Tensor]:
+    """End points and end derivatives (n, 2) [m] in the vehicle's frame, as `actions.decode`."""
+    place = torch.complex(actions[:, 0], actions[:, 1])
+    end = (place + _SHARE) / (1.0 + _SHARE * place)
+    along = torch.sinh(_FINENESS * (_OFFSET + actions[:, 2]) / (1.0 + _OFFSET * actions[:, 2]))
+    across = torch.sinh(_FINENESS * actions[:, 3])
+    turn = torch.polar(torch.ones_like(along), BEND * end.imag)
+    slope = _SPREAD * turn * torch.complex(along, across)
+    return torch.view_as_real(REACH * end), torch.view_as_real(slope)
+
+
+def _size(vectors: Tensor) -> Tensor:
+    return (vectors.square().sum(dim=-1) + 1e-6).sqrt()
+
+
+def _clearance(points: Tensor, discs: Tensor, present: Tensor) -> Tensor:
+    """Signed distance (n, m) of points (n, m, 2) to the nearest disc [m]."""
+    away = _size(points[:, :, None] - discs[:, None, :, :2]) - discs[:, None, :, 2]
+    return away.masked_fill(present[:, None] < 0.5, 9.0).amin(dim=2)
