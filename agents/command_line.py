@@ -126,11 +126,11 @@ def _parser() -> argparse.ArgumentParser:
         action="append",
         required=True,
         metavar="P",
-        help=f"a planner ({names}), with options {OPTIONS}; single-start and "
-        "multi-start with +from=POLICY, which starts from that policy's proposals; an agent that "
-        "is shipped (best is the best of them), or the directory of one that was trained; any "
-        "policy that decides step by step with +shield, where guided takes over doubtful steps; "
-        "may be given several times",
+        help=f"a planner ({names}), with options {OPTIONS}; an agent that is shipped (best is the "
+        "best of them), or the directory of one that was trained; single-start and multi-start "
+        "with +from=POLICY, which starts from that policy's proposals; any policy that decides "
+        "step by step with +shield, where guided takes over doubtful steps; may be given several "
+        "times",
     )
     evaluate.add_argument(
         "--fields",

@@ -176,44 +176,44 @@ def read_card(path: Path) -> Card:
     """
     try:
         text = path.read_text(encoding="utf-8")
-    except ValueError:
+    except UnicodeDecodeError:
         raise ValueError(f"{path}: not JSON, or cut short") from None
-    return card_of_json(text, path)
+    return card_from(text, str(path))
 
 
-def card_of_json(text: str, path: Path) -> Card:
-    """The card that a text is, in a file or meant for it.
+def card_from(text: str, where: str = "card") -> Card:
+    """The card in a text, as `Card.to_json` wrote it.
 
     Raises:
-        ValueError: it is none, or one of another environment.
+        ValueError: it is none, or one of another environment; the message begins with `where`.
     """
     try:
         entries = json.loads(text)
     except (ValueError, RecursionError):
-        raise ValueError(f"{path}: not JSON, or cut short") from None
+        raise ValueError(f"{where}: not JSON, or cut short") from None
     fields = {one.name: one for one in dataclasses.fields(Card)}
     if not isinstance(entries, dict) or set(entries) != set(fields):
-        raise ValueError(f"{path}: not a model's card; it has the entries {', '.join(fields)}")
+        raise ValueError(f"{where}: not a model's card; it has the entries {', '.join(fields)}")
     kinds = {"str": str, "int": int, "dict[str, Any]": dict, "list[dict[str, Any]]": list}
     for name, one in fields.items():
         kind = kinds.get(str(one.type))
         if kind is not None and type(entries[name]) is not kind:
-            raise ValueError(f"{path}: {name} should be of type {kind.__name__}")
+            raise ValueError(f"{where}: {name} should be of type {kind.__name__}")
     card = Card(**entries)
-    _check_version(card, path)
-    check_environment(card.environment, f"{path}: ")
+    _check_version(card, where)
+    check_environment(card.environment, f"{where}: ")
     return card
 
 
-def _check_version(card: Card, path: Path) -> None:
+def _check_version(card: Card, where: str) -> None:
     known, _, version = card.environment_version.partition(" ")
     if known != ENVIRONMENT_ID:
         raise ValueError(
-            f"{path}: a model for the environment {known!r}, and this is {ENVIRONMENT_ID}"
+            f"{where}: a model for the environment {known!r}, and this is {ENVIRONMENT_ID}"
         )
     if _number(version) > _number(__version__):
         raise ValueError(
-            f"{path}: a model made with ferguson-gym {version}, newer than {__version__} which is "
+            f"{where}: a model made with ferguson-gym {version}, newer than {__version__} which is "
             "installed"
         )
 

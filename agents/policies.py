@@ -94,6 +94,11 @@ def expert(planner: Planner) -> Expert:
     return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)
 
 
+def is_planner(name: str) -> bool:
+    """Whether a policy's name is that of a planner, with options or without."""
+    return name.partition("+")[0] in PLANNERS
+
+
 SHIELDED = "+shield"
 """Ends the name of a policy that flies under a shield."""
 FROM = "+from="
@@ -139,7 +144,7 @@ def make_policy(name: str) -> Policy:
     """
     if name.endswith(SHIELDED):
         return shielded(name.removesuffix(SHIELDED))
-    if name.partition("+")[0] in PLANNERS:
+    if is_planner(name):
         return expert(make_planner(name))
     place = shelf.find(name)
     if place is None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -135,7 +134,7 @@ def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
 
 @lru_cache(maxsize=2)
 def _learner_of(text: str) -> BasePolicy:
-    return models.build(models.card_of_json(text, Path(models.CARD)))
+    return models.build(models.card_from(text))
 
 
 def _learner(card: Card) -> BasePolicy:
