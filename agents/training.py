@@ -139,7 +139,7 @@ ALGORITHMS: Mapping[str, Algorithm] = {
             {
                 *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda"),
                 *("clip_range", "clip_range_vf", "normalize_advantage", "ent_coef", "vf_coef"),
-                *("max_grad_norm", "target_kl"),
+                *("max_grad_norm", "target_kl", "critic_alone"),
             }
         ),
     ),

@@ -37,6 +37,9 @@ _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
 """After so many the library logs: on policy it counts rollouts, off policy episodes."""
 _LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
 _NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
+_CRITIC_ALONE = "critic_alone"
+"""Key of PPO's recipe that its library does not know: steps in which the critic alone learns."""
+_CRITIC = ("mlp_extractor.value_net", "value_net")
 _VIEW = ("observation", "nearest", "focus", "rays", "view")
 """Arguments of the environment that say what a network sees."""
 
@@ -123,6 +126,7 @@ def _learner(run: Run, card: Card, pace: Pace) -> BaseAlgorithm:
     seed = int(np.random.SeedSequence((run.seed, pace.steps)).generate_state(1)[0])
     envs = VecMonitor(ObstacleFieldVecEnv(run.recipe.n_envs, **card.environment))
     arguments = {key: _scheduled(value, pace) for key, value in run.recipe.learner.items()}
+    arguments.pop(_CRITIC_ALONE, None)
     kind = _LEARNERS[run.algorithm]
     if (noise := _noise(arguments)) is not None:
         arguments["action_noise"] = noise
@@ -199,10 +203,13 @@ class _Watch(BaseCallback):
     def __init__(self, run: Run, record: Record, pace: Pace, stop: Stop, bar: Progress) -> None:
         super().__init__()
         self._run, self._record, self._pace, self._stop, self._bar = run, record, pace, stop, bar
+        self._critic_alone = run.recipe.learner.get(_CRITIC_ALONE, 0)
         self._task: TaskID = bar.add_task(run.algorithm, total=1.0)
         self._written = time.monotonic()
 
     def _on_rollout_start(self) -> None:
+        if self._critic_alone:
+            self._teach_critic(alone=self.model.num_timesteps < self._critic_alone)
         steps, curve = self.model.num_timesteps, self._record.curve
         if not curve or steps >= curve[-1]["steps"] + self._run.recipe.eval_freq:
             found = self._record.consider(self.model, steps, self._pace.seconds)
@@ -214,6 +221,15 @@ class _Watch(BaseCallback):
             place = self._run.directory / "checkpoint"
             training_checkpoint.write(place, self.model, self._pace.seconds)
             self._written = time.monotonic()
+
+    def _teach_critic(self, alone: bool) -> None:
+        """Let the critic learn alone, or all networks.
+
+        The actor of a model that was not trained by PPO knows what to do, and its critic nothing:
+        by such a critic's advice the actor would unlearn it.
+        """
+        for name, parameter in self.model.policy.named_parameters():
+            parameter.requires_grad_(not alone or name.startswith(_CRITIC))
 
     def _on_step(self) -> bool:
         self._pace.steps = self.model.num_timesteps
