@@ -17,7 +17,7 @@ import torch
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.policies import BasePolicy
 
-from agents.metrics import success_interval
+from agents.metrics import path_share, success_interval
 from agents.models import Model
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
@@ -211,15 +211,8 @@ def score(flights: Sequence[BatchFlight]) -> Score:
     Raises:
         ValueError: there are none.
     """
-    shares, gaps = [], []
-    for flight in flights:
-        exact = flight.exact_length if flight.success else None
-        if exact is None:
-            shares.append(0.0)
-            continue
-        length = flight.length
-        shares.append(exact / max(length, exact))
-        gaps.append(gap(length, exact))
+    shares = [path_share(one.success, one.length, one.exact_length) for one in flights]
+    gaps = [one.gap for one in flights if one.gap is not None]
     arrived = sum(flight.success for flight in flights)
     low, high = success_interval(arrived, len(flights))
     return Score(

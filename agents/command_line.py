@@ -252,11 +252,11 @@ def _prepare_animate(options: argparse.Namespace) -> Job:
     from agents.flights import fly_by_name
     from agents.gif import SUFFIX
     from agents.pictures import check_target
-    from agents.policies import make_policy
+    from agents.policies import is_planner, make_policy
     from agents.progress import still_bar
 
     make_policy(options.policy)  # refuses unknown names
-    if options.policy.partition("+")[0] not in PLANNERS:
+    if not is_planner(options.policy):
         raise ValueError(
             f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
             f"plans nothing; planners are {', '.join(PLANNERS)}"

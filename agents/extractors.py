@@ -56,15 +56,16 @@ class DeepSets(BaseFeaturesExtractor):
 
     def __init__(self, observation_space: spaces.Dict, width: int = 64) -> None:
         super().__init__(observation_space, 2 * width + _OWN + _rays_of(observation_space))
-        self.each = nn.Sequential(
-            nn.Linear(7 + _OWN, width), nn.SiLU(), nn.Linear(width, width), nn.SiLU()
-        )
+        self.obstacle = nn.Linear(7, width)
+        self.vehicle = nn.Linear(_OWN, width, bias=False)
+        self.then = nn.Linear(width, width)
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
         own, rows, mask = _split(seen)
-        beside = own[:, None].expand(-1, rows.shape[1], -1)
-        each = self.each(torch.cat([rows, beside], dim=2)) * mask[:, :, None]
+        # one layer of both, without a copy of the vehicle beside each obstacle
+        first = torch.relu(self.obstacle(rows) + self.vehicle(own)[:, None])
+        each = torch.relu(self.then(first)) * mask[:, :, None]
         # a sum that stays near one for the usual dozen
         pooled = [each.sum(dim=1) / 8.0, each.amax(dim=1)]
         return torch.cat([*pooled, own, *_rays(seen)], dim=1)

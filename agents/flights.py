@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agents.hands import Hand
+from agents.metrics import path_share
 from agents.policies import Policy, make_policy
 from agents.warm_up import compile_kernels, warm_policy
 from ferguson_gym.arrays import Array
@@ -66,6 +67,11 @@ class Flight:
         """Length / exact length - 1; None unless the flight succeeded."""
         exact = self.exact_length
         return None if exact is None or not self.success else gap(self.length, exact)
+
+    @property
+    def path_share(self) -> float:
+        """Its part in SPL, the mean of these over flights."""
+        return path_share(self.success, self.length, self.exact_length)
 
     @property
     def min_turn_radius(self) -> float:

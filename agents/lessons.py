@@ -16,9 +16,11 @@ from ferguson_gym.flight import State
 from ferguson_gym.observing import observe
 from ferguson_gym.settings import Settings
 
-COLUMNS = 10
+COLUMNS = 11
 """Of a row: the seed of the field (or another number for it), position and derivative (2 each),
-segments flown, action (4)."""
+segments flown, action (4), whether a failure is near."""
+RECENT = 30_000
+"""Lessons near failures that are drawn more often: the last ones, of what is not yet learned."""
 _AROUND = Settings(nearest=12, focus=8.0)
 """The discs that an action can cut into, whatever the learner sees."""
 _FIRST = 4096
@@ -39,8 +41,8 @@ class Lesson(NamedTuple):
 
 
 def row(seed: int, vehicle: State, action: NDArray[np.float32]) -> list[float]:
-    """A lesson as a row of `COLUMNS` numbers."""
-    return [seed, *vehicle.position, *vehicle.derivative, vehicle.segments, *action]
+    """A lesson as a row of `COLUMNS` numbers, with no failure near."""
+    return [seed, *vehicle.position, *vehicle.derivative, vehicle.segments, *action, 0.0]
 
 
 class Lessons:
@@ -50,6 +52,7 @@ class Lessons:
         self._settings = settings
         self._parts: dict[str, NDArray[np.float32]] = {}
         self._number = 0
+        self._hard = np.empty(0, np.int64)
 
     def __len__(self) -> int:
         return self._number
@@ -61,6 +64,8 @@ class Lessons:
             rows: as `row` makes them.
             field_of: the field of a seed.
         """
+        near = self._number + np.flatnonzero(rows[:, 10] > 0.0)
+        self._hard = np.concatenate([self._hard, near])[-RECENT:]
         cuts = np.flatnonzero(np.diff(rows[:, 0])) + 1
         for part in np.split(rows, cuts) if len(rows) else []:
             field = field_of(int(part[0, 0]))
@@ -71,7 +76,7 @@ class Lessons:
                     **observe(field, vehicles, self._settings),
                     "_discs": _AROUND.view * _columns(around["obstacles"]),
                     "_present": around["mask"],
-                    "_actions": part[:, 6:].astype(np.float32),
+                    "_actions": part[:, 6:10].astype(np.float32),
                 }
             )
 
@@ -91,9 +96,12 @@ class Lessons:
             self._parts[key][self._number : self._number + number] = value
         self._number += number
 
-    def draw(self, stream: np.random.Generator, number: int) -> Lesson:
-        """So many lessons at random, each as likely as the others."""
+    def draw(self, stream: np.random.Generator, number: int, hard: float) -> Lesson:
+        """So many lessons at random, a share of them near failures if there are any."""
         which = stream.integers(0, self._number, number)
+        if len(self._hard):
+            again = int(hard * number)
+            which[:again] = self._hard[stream.integers(0, len(self._hard), again)]
         drawn = {key: torch.from_numpy(value[which]) for key, value in self._parts.items()}
         return Lesson(
             {key: value for key, value in drawn.items() if not key.startswith("_")},

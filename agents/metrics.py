@@ -38,6 +38,15 @@ def success_interval(successes: int, number: int) -> Interval:
     return Interval(float(found.low), float(found.high))
 
 
+def path_share(success: bool, length: float, exact: float | None) -> float:
+    """A flight's part in SPL: exact / max(length, exact) [m] if it arrived, else 0.
+
+    Reference:
+        Anderson et al. (2018), On evaluation of embodied navigation agents, arXiv:1807.06757.
+    """
+    return exact / max(length, exact) if success and exact is not None else 0.0
+
+
 def best_so_far(progress: Sequence[tuple[float, float]], seconds: ArrayLike) -> Array:
     """The best length at given times: (n,) [m], infinite before the first.
 

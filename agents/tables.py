@@ -55,12 +55,14 @@ def summary(flights: Sequence[Flight]) -> Table:
         "policy",
         "flights",
         "success",
+        "SPL",
         "length [m]",
         "gap [%]",
         "segments",
         "step [ms]",
         "flight [s]",
-        caption="medians; length, gap and segments over successful flights",
+        caption="SPL: mean of success x exact / max(length, exact); else medians; length, gap and "
+        "segments over successful flights",
     )
     for policy in dict.fromkeys(flight.policy for flight in flights):
         flown = [flight for flight in flights if flight.policy == policy]
@@ -70,6 +72,7 @@ def summary(flights: Sequence[Flight]) -> Table:
             Text(policy),
             str(len(flown)),
             f"{100 * len(arrived) / len(flown):.1f} %",
+            f"{np.mean([flight.path_share for flight in flown]):.4f}",
             _median([flight.length for flight in arrived], 2),
             _median([flight.gap for flight in arrived], 2, 100.0),
             _median([len(flight.control) for flight in arrived], 0),

@@ -129,7 +129,7 @@ _SB3, _IMITATION = "agents.training_sb3", "agents.training_imitation"
 _TAUGHT = frozenset(
     {
         *("expert", "scattered", "first", "updates", "batch_size", "learning_rate"),
-        "violation",
+        *("hard", "violation"),
     }
 )
 ALGORITHMS: Mapping[str, Algorithm] = {

@@ -50,15 +50,16 @@ SETTINGS: dict[str, Any] = {
     "scattered": 0.3,
     "first": 10,
     "updates": 400,
-    "batch_size": 1024,
+    "batch_size": 512,
+    "hard": 0.25,
     "learning_rate": 1e-3,
     "violation": 8.0,
 }
 """The learner's keys in a recipe, and their values where it is silent: who is asked, the share of
 flights that begin anywhere, how many rounds' flights are watched before the first update, updates
-of a round, lessons of an update, its rate, and the price of a metre of violation. A round flies
-`n_envs` flights; `n_timesteps` and `eval_freq` count states that the expert was asked about
-(`dagger`) or lessons that were learned from (`bc`)."""
+of a round, lessons of an update, the share of them near failures, its rate, and the price of a
+metre of violation. A round flies `n_envs` flights; `n_timesteps` and `eval_freq` count states that
+the expert was asked about (`dagger`) or lessons that were learned from (`bc`)."""
 _SHARES = 8
 """That a round's flights are handed out in."""
 _FIELDS = 10_000_000
@@ -129,7 +130,7 @@ class _School:
         for key in ("updates", "batch_size", "first"):
             if not isinstance(told[key], int) or told[key] < 1:
                 raise ValueError(f"{key} must be a whole number from 1 on, got {told[key]!r}")
-        for key, most in (("scattered", 1.0), ("violation", 1e6)):
+        for key, most in (("scattered", 1.0), ("hard", 1.0), ("violation", 1e6)):
             if not isinstance(told[key], (int, float)) or not 0.0 <= told[key] <= most:
                 raise ValueError(f"{key} must lie between 0 and {most:g}, got {told[key]!r}")
         rate = told["learning_rate"]
@@ -299,7 +300,7 @@ class _School:
         task = bar.add_task(f"{self._run.algorithm}, {self.pace.steps:,} states", total=1.0)
         costs: list[dict[str, float]] = []
         for number in range(self._told["updates"]):
-            lesson = self._lessons.draw(stream, self._told["batch_size"])
+            lesson = self._lessons.draw(stream, self._told["batch_size"], self._told["hard"])
             costs.append(self._cloner.update(lesson, in_the_mirror=number % 2 == 1))
             bar.update(task, completed=self.pace.done)
             if stop.asked:

@@ -22,7 +22,7 @@ AHEAD_OF_END = ((1.0, 0.3), (2.0, 0.0))
 """How far ahead of a segment's end, as it arrives, it is to be clear, and by how much [m]."""
 _ROOM = 0.5
 """How much longer than the shortest, and shorter than the longest, segments are to be [m]."""
-_SLOWEST = 0.6
+_SLOWEST = 1.2
 """Least size of the derivative that costs nothing [m per unit t]."""
 _SAMPLES = 12
 _FINENESS = 4.0

@@ -34,6 +34,8 @@ _ASTRAY = 0.7
 """Standard deviation of a scattered flight's heading from the shortest way [rad]."""
 _PACE = (7.0, 0.2)
 """Median of its speed [m per unit t], and standard deviation of the logarithm."""
+_NEAR = 3
+"""States that a failure is near to: the one where it happened, and those just before."""
 _STRIDE = 7.0
 """Length of the segments that it is taken to have flown [m]."""
 
@@ -110,6 +112,9 @@ def _step(one: _Flight, action: Action, planner: Replanner) -> tuple[bool, bool]
         one.rows.append(row(one.seed, vehicle, lesson))
     step = flight.advance(one.field, vehicle, action)
     refused = not step.flown
+    if refused:
+        for near in one.rows[-_NEAR:]:
+            near[-1] = 1.0
     if refused and lesson is not None:
         step = flight.advance(one.field, vehicle, lesson)
     one.vehicle = step.state

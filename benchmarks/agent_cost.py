@@ -1,0 +1,86 @@
+"""What a flight costs: processor time of agents beside planners, and beside the paper's solver.
+
+Run it from a checkout with the extra `agents`:
+
+    .venv/bin/python benchmarks/agent_cost.py --fields standard/validation:0-99 --slow 10
+
+One process and one thread of each library; processor time of all threads counts. Every policy flies
+the same fields one at a time, deciding as it does in an evaluation; agents fly them in batches as
+well. The paper's planner with SciPy's SLSQP takes half a minute a flight and flies the first
+`--slow` of the fields.
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+import torch
+from rich.console import Console
+from rich.table import Table
+
+from agents import shelf
+from agents.batched import fly_batch
+from agents.flights import fly
+from agents.pilots import pilot
+from agents.policies import Policy, expert, make_policy
+from agents.warm_up import warm_policy
+from ferguson_gym.catalog import select
+from ferguson_gym.fields import Field
+from planners.exchange import ByExchange
+from planners.receding_horizon import RecedingHorizon
+from planners.solvers import Slsqp
+
+SLOW = "multi-start by SLSQP"
+
+
+def cost(policy: Policy, name: str, fields: Sequence[Field]) -> tuple[list[float], int]:
+    """Processor time of each flight [s], and how many arrived."""
+    seconds, arrived = [], 0
+    for field in fields:
+        began = time.process_time()
+        arrived += fly(policy, name, field, 0).success
+        seconds.append(time.process_time() - began)
+    return seconds, arrived
+
+
+def main() -> None:
+    """Read the command line, fly, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--fields", default="standard/validation:0-99")
+    parser.add_argument("--slow", type=int, default=10)
+    parser.add_argument("--policy", action="append")
+    given = parser.parse_args()
+    numba.set_num_threads(1)
+    torch.set_num_threads(1)
+    fields = list(select(given.fields))
+    names = given.policy or ["best", "best+shield", "multi-start+from=best"]
+    rows = []
+    for name in [*names, "guided", "pursuit", "multi-start"]:
+        policy = make_policy(name)
+        warm_policy(name)
+        fly(policy, name, fields[0], 0)
+        rows.append((name, *cost(policy, name, fields)))
+        if (place := shelf.find(name)) is not None:
+            model = pilot(place).model
+            began = time.process_time()
+            flights = fly_batch(model, fields)
+            each = (time.process_time() - began) / len(fields)
+            arrived = sum(flight.success for flight in flights)
+            rows.append((f"{name}, in batches", [each] * len(fields), arrived))
+    reference = expert(RecedingHorizon(solver=ByExchange(Slsqp())))
+    rows.append((SLOW, *cost(reference, SLOW, fields[: given.slow])))
+    slow = float(np.median(rows[-1][1]))
+    table = Table("policy", "flights", "arrived", "ms a flight, median", "90 %", f"{SLOW} takes")
+    for name, seconds, arrived in rows:
+        median, most = np.quantile(seconds, [0.5, 0.9])
+        cells = (f"{1e3 * median:.1f}", f"{1e3 * most:.1f}", f"{slow / median:,.0f} times that")
+        table.add_row(name, str(len(seconds)), str(arrived), *cells)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
