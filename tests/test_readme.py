@@ -27,8 +27,11 @@ def commands() -> list[list[str]]:
     return [shlex.split(line.partition("  #")[0]) for line in text.splitlines()]
 
 
+LONG = {"0-29", "200", "standard/validation:0-99", "standard/train:0-999"}
+
+
 def is_long(command: list[str]) -> bool:
-    return "0-29" in command or "200" in command or "standard/validation:0-99" in command
+    return not LONG.isdisjoint(command)
 
 
 @pytest.mark.parametrize(
@@ -36,7 +39,8 @@ def is_long(command: list[str]) -> bool:
     [
         pytest.param(words, marks=[pytest.mark.slow] if is_long(words) else [])
         for words in commands()
-        if words[0] not in ("make", "git", ".venv/bin/pip")  # make installs what pip would
+        if words[1:2] != ["train"]
+        and words[0] not in ("make", "git", ".venv/bin/pip")  # make installs what pip would
     ],
 )
 def test_commands_run(command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,6 +48,16 @@ def test_commands_run(command: list[str], tmp_path: Path, monkeypatch: pytest.Mo
     monkeypatch.chdir(tmp_path)
     assert main(command[1:]) == 0
     assert list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_trainings_run_one_after_the_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    for words in commands():
+        if words[1:2] == ["train"]:  # the whole of it was run for the README
+            minutes = words.index("--minutes") + 1
+            assert main([*words[1:minutes], "0.1", *words[minutes + 1 :]]) == 0
+            assert (tmp_path / words[words.index("--out") + 1] / "model.zip").is_file()
 
 
 def test_make_targets_and_linked_files_exist() -> None:
