@@ -74,6 +74,8 @@ class Pursuit:
         for name in ("margin", "narrowest", "stride"):
             if not 0.0 < (length := getattr(self, name)) < math.inf:
                 raise ValueError(f"{name} must be a length above 0 m, got {length!r}")
+        if not all(0.0 < length < math.inf for length in self.others):
+            raise ValueError(f"others must be lengths above 0 m, got {self.others!r}")
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; the seed changes nothing.
