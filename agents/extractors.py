@@ -74,6 +74,8 @@ class DeepSets(BaseFeaturesExtractor):
 class Attention(BaseFeaturesExtractor):
     """The vehicle and the obstacles attend to one another, then the maximum over obstacles.
 
+    What it says does not depend on the order of the obstacles, nor on rows of padding.
+
     Args:
         observation_space: a dictionary with obstacles and mask.
         width: of each token.
@@ -105,7 +107,9 @@ class Attention(BaseFeaturesExtractor):
         present = torch.cat([torch.ones_like(mask[:, :1]), mask], dim=1) > 0.5
         for layer in self.layers:
             tokens = layer(tokens, present[:, None, None, :])
-        best = (tokens[:, 1:] * mask[:, :, None]).amax(dim=1)
+        away = mask[:, :, None] < 0.5
+        best = tokens[:, 1:].masked_fill(away, -torch.inf).amax(dim=1)
+        best = best.masked_fill(away.all(dim=1), 0.0)
         return torch.cat([tokens[:, 0], best, own, *_rays(seen)], dim=1)
 
 

@@ -1,0 +1,149 @@
+"""Feature extractors: obstacles are a set, and numbers stay finite whatever is seen."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+
+import torch
+from gymnasium import spaces
+
+from agents.extractors import Attention, DeepSets, Plain
+from ferguson_gym.catalog import one
+from ferguson_gym.fields import Field
+from ferguson_gym.flight import State
+from ferguson_gym.interface import observation_space
+from ferguson_gym.observing import observe
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.settings import Settings
+
+SETS = (DeepSets, Attention)
+DISCS: dict[str, Any] = {"observation": "discs", "nearest": 6}
+RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
+BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7}
+NEAR = 10.0
+"""A view [m] that fills some rows of some observations."""
+
+
+def space_of(arguments: dict[str, Any]) -> spaces.Dict:
+    space = observation_space(Settings(**arguments))
+    assert isinstance(space, spaces.Dict)
+    return space
+
+
+def seen_in(field: Field, arguments: dict[str, Any], number: int = 20) -> dict[str, Any]:
+    stream = np.random.default_rng(5)
+    vehicles = [
+        State(stream.uniform(0.0, 100.0, 2), stream.normal(size=2) * 7.0, k % 40)
+        for k in range(number)
+    ]
+    seen = observe(field, vehicles, Settings(**arguments))
+    return {key: torch.from_numpy(value.copy()) for key, value in seen.items()}
+
+
+def made(kind: Any, arguments: dict[str, Any]) -> Any:
+    torch.manual_seed(0)
+    return kind(space_of(arguments))
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments"),
+    [(Plain, DISCS), (Plain, RAYS), (Plain, BOTH), *((k, a) for k in SETS for a in (DISCS, BOTH))],
+)
+@pytest.mark.parametrize("spec", ["dense/train:0", "traps/train:1", "none"])
+def test_features_have_the_size_promised_and_are_finite_as_are_their_gradients(
+    kind: Any, arguments: dict[str, Any], spec: str
+) -> None:
+    field = Field(name="none", obstacles=Discs([], [])) if spec == "none" else one(spec)
+    net, seen = made(kind, arguments), seen_in(field, arguments)
+    free = {key: value.requires_grad_() for key, value in seen.items()}
+    features = net(free)
+    assert features.shape == (20, net.features_dim)
+    assert torch.isfinite(features).all()
+    if spec == "none" and "mask" in seen:
+        assert not seen["mask"].any()
+    # of a kind that no feature can hide from: signs differ
+    (features * torch.sin(torch.arange(net.features_dim))).sum().backward()
+    for weight in net.parameters():
+        assert weight.grad is not None
+        assert torch.isfinite(weight.grad).all()
+    for key, value in free.items():
+        assert value.grad is None or torch.isfinite(value.grad).all(), key
+
+
+def shuffled(seen: dict[str, Any]) -> dict[str, Any]:
+    order = torch.randperm(seen["mask"].shape[1])
+    rows = seen["obstacles"].view(len(seen["mask"]), -1, 4)
+    return {**seen, "mask": seen["mask"][:, order], "obstacles": rows[:, order].flatten(1)}
+
+
+@pytest.mark.parametrize("kind", SETS)
+@pytest.mark.parametrize("arguments", [DISCS, BOTH])
+def test_the_order_of_obstacles_does_not_matter(kind: Any, arguments: dict[str, Any]) -> None:
+    arguments = {**arguments, "view": NEAR}
+    net, seen = made(kind, arguments), seen_in(one("standard/train:0"), arguments)
+    assert 0.0 < float(seen["mask"].mean()) < 1.0
+    with torch.no_grad():
+        torch.testing.assert_close(net(shuffled(seen)), net(seen), atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", SETS)
+def test_what_stands_in_rows_of_padding_does_not_matter(kind: Any) -> None:
+    near = {**BOTH, "view": NEAR}
+    net, seen = made(kind, near), seen_in(one("standard/train:0"), near)
+    padding = (seen["mask"] < 0.5).repeat_interleave(4, dim=1)
+    assert padding.any()
+    litter = torch.where(padding, torch.rand_like(seen["obstacles"]), seen["obstacles"])
+    with torch.no_grad():
+        found = net({**seen, "obstacles": litter})
+        torch.testing.assert_close(found, net(seen), atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", SETS)
+def test_how_many_rows_of_padding_there_are_does_not_matter(kind: Any) -> None:
+    net, wider = made(kind, DISCS), made(kind, {**DISCS, "nearest": 11})
+    wider.load_state_dict(net.state_dict())
+    seen = seen_in(one("dense/train:0"), DISCS)
+    assert (seen["mask"].sum(dim=1) == 6.0).any()  # of some all rows are taken
+    more = {
+        **seen,
+        "mask": torch.cat([seen["mask"], torch.zeros(20, 5)], dim=1),
+        "obstacles": torch.cat([seen["obstacles"], torch.zeros(20, 20)], dim=1),
+    }
+    with torch.no_grad():
+        torch.testing.assert_close(wider(more), net(seen), atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", SETS)
+def test_each_obstacle_matters(kind: Any) -> None:
+    net, seen = made(kind, DISCS), seen_in(one("dense/train:0"), DISCS)
+    with torch.no_grad():
+        before = net(seen)
+        for k in range(6):
+            without = {**seen, "mask": seen["mask"].clone()}
+            without["mask"][:, k] = 0.0
+            moved = (net(without) - before).abs().amax(dim=1)
+            assert (moved[seen["mask"][:, k] > 0.5] > 1e-6).all()
+            assert (moved[seen["mask"][:, k] < 0.5] == 0.0).all()
+
+
+@pytest.mark.parametrize("kind", SETS)
+def test_a_network_of_obstacles_refuses_rays_alone(kind: Any) -> None:
+    with pytest.raises(ValueError, match=r"a network of obstacles needs to see them: .*, not rays"):
+        made(kind, RAYS)
+
+
+def test_heads_must_share_the_width() -> None:
+    with pytest.raises(ValueError, match="a width of 30 cannot be shared by 4 heads"):
+        Attention(space_of(DISCS), width=30)
+
+
+def test_the_goal_is_shown_on_finer_scales_too() -> None:
+    net, seen = made(Plain, RAYS), seen_in(one("sparse/train:0"), RAYS, number=2)
+    seen["goal"] = torch.tensor([[0.02, 0.6, 0.8], [0.5, 1.0, 0.0]])
+    features = net(seen)
+    np.testing.assert_allclose(features[0, 9:15], [0.1, 0.06, 0.08, 0.28, 0.168, 0.224], rtol=1e-5)
+    np.testing.assert_allclose(features[1, 9:15], [1.0, 1.0, 0.0, 1.0, 1.0, 0.0], rtol=1e-5)
