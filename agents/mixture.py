@@ -51,8 +51,9 @@ class Mixture(DiagGaussianDistribution):
         rows = mean_actions.view(len(mean_actions), self.components, 1 + 2 * self.action_dim)
         self.log_weights = torch.log_softmax(rows[:, :, 0], dim=1)
         self.means = _SCALE * rows[:, :, 1 : 1 + self.action_dim]
-        spreads = (rows[:, :, 1 + self.action_dim :] + log_std).exp()
-        self.spreads = spreads.clamp(FINEST, COARSEST)
+        spreads = rows[:, :, 1 + self.action_dim :] + log_std
+        # before the exponential: what overflows there has no gradient but NaN
+        self.spreads = spreads.clamp(math.log(FINEST), math.log(COARSEST)).exp()
         return self
 
     def log_prob(self, actions: Tensor) -> Tensor:
@@ -92,11 +93,16 @@ class MixturePolicy(MultiInputActorCriticPolicy):
         kwargs: as of `MultiInputActorCriticPolicy`. Layers are not orthogonal at first: the
             components would be all the same.
 
+    Raises:
+        ValueError: a number of components that is none.
+
     Reference:
         Bishop (1994), Mixture density networks, Aston University NCRG/94/004.
     """
 
     def __init__(self, *args: Any, components: int = 4, **kwargs: Any) -> None:
+        if type(components) is not int or components < 1:
+            raise ValueError(f"components must be a whole number from 1 on, got {components!r}")
         self.components = components
         super().__init__(*args, **{**kwargs, "ortho_init": False})
 
