@@ -11,12 +11,11 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import torch
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
 from agents import models
-from agents.batched import act
+from agents.batched import act, one_thread
 from agents.lessons import COLUMNS, row
 from agents.models import Card
 from ferguson_gym import flight
@@ -79,7 +78,11 @@ class _Flight:
 
 def visit(asked: Visit) -> Visited:
     """Fly the learner by the actions it thinks best, and ask the expert in every state."""
-    torch.set_num_threads(1)
+    with one_thread():
+        return _visit(asked)
+
+
+def _visit(asked: Visit) -> Visited:
     policy, planner = _learner(asked.card), _expert(asked.expert)
     policy.load_state_dict(asked.weights)
     settings = settings_of(asked.card.environment)
