@@ -47,7 +47,8 @@ def add_to(train: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--demos",
         metavar="DATASET_ID",
-        help="demonstrations to begin with, in the replay buffer (sac, td3, tqc)",
+        help="demonstrations: all that bc learns from; to begin with for dagger, and in the replay "
+        "buffer of sac, td3, tqc",
     )
     train.add_argument(
         "--choose-on",

@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import DictReplayBuffer
 
-from agents.lessons import row
+from agents.lessons import COLUMNS, row
 from ferguson_gym import flight
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
@@ -126,7 +126,7 @@ def rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
             if not step.flown:
                 raise ValueError(_ends_early(name))
             vehicle = step.state
-        yield field, np.array(told)
+        yield field, np.array(told).reshape(-1, COLUMNS)
 
 
 def _ends_early(name: str) -> str:

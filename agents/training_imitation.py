@@ -64,6 +64,8 @@ _SHARES = 8
 """That a round's flights are handed out in."""
 _FIELDS = 10_000_000
 """Fields from those of one seed to those of the next."""
+_MOST_SEED = 2**32 - 1
+"""Of a run: so that fields have seeds, and what draws the first weights takes it."""
 _STATE = "state.pt"
 _ROWS = "rows-{:06d}.npy"
 
@@ -82,9 +84,9 @@ def prepare(run: Run) -> Job:
     torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
     if start is not None:
         school.begin_with(start)
-    known = None if run.fresh else school.restore()
-    if demos is not None:
+    if demos is not None:  # before what came later, however often the training is taken up
         school.take_in(demos)
+    known = None if run.fresh else school.restore()
 
     def job() -> int:
         if not known:
@@ -127,15 +129,19 @@ class _School:
 
     def _check(self) -> None:
         told = self._told
+        if self._run.seed > _MOST_SEED:
+            raise ValueError(
+                f"{self._run.algorithm} takes seeds up to {_MOST_SEED}, got {self._run.seed}"
+            )
         for key in ("updates", "batch_size", "first"):
-            if not isinstance(told[key], int) or told[key] < 1:
+            if type(told[key]) is not int or told[key] < 1:
                 raise ValueError(f"{key} must be a whole number from 1 on, got {told[key]!r}")
         for key, most in (("scattered", 1.0), ("hard", 1.0), ("violation", 1e6)):
-            if not isinstance(told[key], (int, float)) or not 0.0 <= told[key] <= most:
+            if type(told[key]) not in (int, float) or not 0.0 <= told[key] <= most:
                 raise ValueError(f"{key} must lie between 0 and {most:g}, got {told[key]!r}")
         rate = told["learning_rate"]
         rate = rate if slope(rate) is None else slope(rate)
-        if not isinstance(rate, (int, float)) or not 0.0 < rate < 1.0:
+        if type(rate) not in (int, float) or not 0.0 < rate < 1.0:
             raise ValueError(
                 f"learning_rate must lie between 0 and 1, got {told['learning_rate']!r}"
             )
@@ -204,23 +210,31 @@ class _School:
         """Learn from demonstrations too.
 
         Raises:
-            ValueError: they are not of this environment.
+            ValueError: they are not of this environment, or there are none.
         """
         for number, (field, rows) in enumerate(training_demos.rows(demos)):
             self._lessons.add(rows, {number: field}.__getitem__)
+        if not len(self._lessons):
+            raise ValueError(f"--demos {self._run.demos} holds no flights to learn from")
 
     def teach(self, record: Record) -> None:
         """Rounds, until a limit is reached; then the best model is the final one.
 
         Raises:
-            KeyboardInterrupt: Ctrl-C; the checkpoint is written.
+            KeyboardInterrupt: Ctrl-C; the checkpoint has all rounds that are over.
         """
         self._place.mkdir(parents=True, exist_ok=True)
-        writer = SummaryWriter(str(self._run.directory / "tensorboard"))
         self.pace.start(self._before)
-        with stop_on_interrupt() as stop, progress_bar() as bar:
-            while not (stop.asked or self.pace.done >= 1.0):
+        with (
+            SummaryWriter(str(self._run.directory / "tensorboard")) as writer,
+            stop_on_interrupt() as stop,
+            progress_bar() as bar,
+        ):
+            # one round at least: whoever was interrupted in the first may have used up its time
+            while not stop.asked and (self.pace.done < 1.0 or not record.curve):
                 costs = self._round(stop, bar)
+                if costs is None:
+                    break
                 for name, value in costs.items():
                     writer.add_scalar(f"train/{name}", value, self.pace.steps)
                 curve = record.curve
@@ -232,29 +246,35 @@ class _School:
                 raise KeyboardInterrupt
             if record.curve[-1]["steps"] < self.pace.steps:
                 record.consider(self._shell, self.pace.steps, self.pace.seconds)
-        writer.close()
         record.finish()
 
-    def _round(self, stop: Stop, bar: Progress) -> dict[str, float]:
-        """Updates, while flights go on whose lessons the next round has; what updates cost."""
+    def _round(self, stop: Stop, bar: Progress) -> dict[str, float] | None:
+        """Updates, while flights go on whose lessons the next round has; what updates cost.
+
+        None if it is cut short: then it is for the next sitting, from its beginning, so that a
+        training ends with the same model however often it is interrupted.
+        """
         if self._run.algorithm == "bc":
-            costs = self._update(stop, bar)
+            if (costs := self._update(stop, bar)) is None:
+                return None
             self.pace.steps += self._told["updates"] * self._told["batch_size"]
             return costs
         if self._rounds == 0:
-            self._learn_from(self._visits(self._told["first"]), bar, "the expert's flights")
+            first = self._visits(self._told["first"])
+            if self._learn_from(first, stop, bar, "first flights") is None:
+                return None
+            self._keep()
         going_on = self._visits(1)
         costs = self._update(stop, bar)
-        if stop.asked:
-            return costs
-        refused = self._learn_from(going_on, bar, "flights")
-        return {**costs, "refused": refused}
+        refused = None if costs is None else self._learn_from(going_on, stop, bar, "flights")
+        return None if costs is None or refused is None else {**costs, "refused": refused}
 
     def _visits(self, rounds: int) -> Iterator[Visited]:
         """Flights of the policy as it is now, under way in other processes if there are any."""
         run, number = self._run, self._run.recipe.n_envs * rounds
         first = run.seed * _FIELDS + self._flown()
-        cuts = np.linspace(first, first + number, _SHARES * rounds + 1).astype(int).tolist()
+        shares = _SHARES * rounds
+        cuts = [first + number * share // shares for share in range(shares + 1)]
         weights = {key: value.clone() for key, value in self._shell.policy.state_dict().items()}
         visits = [
             Visit(
@@ -277,15 +297,25 @@ class _School:
         flown: int = self._run.recipe.n_envs * (self._rounds + before)
         return flown
 
-    def _learn_from(self, visited: Iterator[Visited], bar: Progress, what: str) -> float:
-        """Take the lessons of flights in, and keep them; the share of steps that were refused."""
+    def _learn_from(
+        self, visited: Iterator[Visited], stop: Stop, bar: Progress, what: str
+    ) -> float | None:
+        """Take the lessons of flights in, and keep them.
+
+        Returns:
+            The share of steps that were refused; None, and nothing is taken in, if it is to stop.
+        """
         rows: list[Array] = []
         steps = refused = 0
         task = bar.add_task(what, total=None)
         for one in visited:
+            if stop.asked:
+                break
             rows.append(one.rows)
             steps, refused = steps + one.steps, refused + one.failures
         bar.remove_task(task)
+        if stop.asked:
+            return None
         every = np.concatenate(rows)
         with written_whole(self._place / _ROWS.format(self._rounds)) as temporary:
             np.save(temporary, every)
@@ -294,8 +324,8 @@ class _School:
         self.pace.steps += steps
         return refused / max(steps, 1)
 
-    def _update(self, stop: Stop, bar: Progress) -> dict[str, float]:
-        """The updates of a round."""
+    def _update(self, stop: Stop, bar: Progress) -> dict[str, float] | None:
+        """The updates of a round; None if it is to stop before they are done."""
         stream = np.random.default_rng((self._run.seed, self._rounds, self.pace.steps))
         task = bar.add_task(f"{self._run.algorithm}, {self.pace.steps:,} states", total=1.0)
         costs: list[dict[str, float]] = []
@@ -306,4 +336,6 @@ class _School:
             if stop.asked:
                 break
         bar.remove_task(task)
+        if stop.asked:
+            return None
         return {key: float(np.mean([cost[key] for cost in costs])) for key in costs[0]}
