@@ -269,19 +269,24 @@ def test_a_training_begins_with_another_model(command: Command, tmp_path: Path) 
     assert same(weights_of(start), weights_of(tmp_path / "out"))
 
 
+def straight_flights(tmp_path: Path) -> Any:
+    """Demonstrations: six flights of two straight segments each."""
+    goal = {"centers": [], "radii": [], "goal": [12.8, 12.8]}
+    (tmp_path / "near.json").write_text(json.dumps(goal))
+
+    class Flights:
+        fields = (str(tmp_path / "near.json"),) * 6
+        actions = np.zeros((12, 4), np.float32)
+        offsets = np.arange(0, 14, 2)
+
+    return Flights()
+
+
 def test_an_off_policy_training_begins_with_demonstrations(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    goal = {"centers": [], "radii": [], "goal": [12.8, 12.8]}
-    (tmp_path / "near.json").write_text(json.dumps(goal))
-    names = (str(tmp_path / "near.json"),) * 6
-
-    class Flights:
-        fields = names
-        actions = np.zeros((12, 4), np.float32)  # two straight segments each
-        offsets = np.arange(0, 14, 2)
-
-    monkeypatch.setattr(training_demos, "read", {"far/away-v0": Flights()}.__getitem__)
+    flights = straight_flights(tmp_path)
+    monkeypatch.setattr(training_demos, "read", {"far/away-v0": flights}.__getitem__)
     filled = []
     fill = training_demos.fill
 
@@ -364,10 +369,18 @@ def test_models_of_another_kind_are_no_beginning(
 
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yml")), ids=lambda file: file.stem)
-def test_shipped_hyperparameters_are_taken(file: Path, tmp_path: Path) -> None:
+def test_shipped_hyperparameters_are_taken(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     algorithm = ALGORITHMS[file.stem.partition("-")[0]]
     recipe = read(file.stem, algorithm.keys)
-    run = Run(algorithm=file.stem.partition("-")[0], directory=tmp_path / "out", recipe=recipe)
+    run = Run(
+        algorithm=file.stem.partition("-")[0],
+        directory=tmp_path / "out",
+        recipe=recipe,
+        demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
+    )
+    monkeypatch.setattr(training_demos, "read", lambda _: straight_flights(tmp_path))
     algorithm.trainer().prepare(run)
     assert not (tmp_path / "out").exists()
     json.dumps(run.configuration())
