@@ -92,7 +92,7 @@ def _parser() -> argparse.ArgumentParser:
         type=float,
         metavar="R",
         help="know only the obstacles within R metres of where the vehicle has been; at least 15, "
-        "for single-start, multi-start and guided",
+        "for single-start, multi-start, guided and pursuit",
     )
     plan.add_argument(
         "--backtrack", action="store_true", help="out of a dead end, be led along the shortest way"

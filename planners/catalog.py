@@ -203,7 +203,7 @@ def _with_option(planner: Planner, plain: str, option: str) -> Planner:
     if not isinstance(planner, Replanner):
         raise ValueError(
             f"planner {plain!r} plans its whole path at once and has no option {label}; "
-            "single-start, multi-start and guided do"
+            "single-start, multi-start, guided and pursuit do"
         )
     if label == "backtrack":
         return Backtracking(planner=planner, guide=Guided())
