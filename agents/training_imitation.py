@@ -20,7 +20,6 @@ from typing import Any, cast
 import numba
 import numpy as np
 import torch
-from joblib import Parallel, delayed
 from rich.progress import Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -37,7 +36,7 @@ from agents.training_recipe import slope
 from agents.training_record import Record
 from agents.training_sb3 import card_for, progress_bar, starting_model
 from agents.vec_env import ObstacleFieldVecEnv
-from agents.visits import Visit, Visited, visit
+from agents.visits import Visit, Visited, under_way
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import select
 from ferguson_gym.files import written_whole
@@ -141,7 +140,7 @@ class _School:
                 raise ValueError(f"{key} must lie between 0 and {most:g}, got {told[key]!r}")
         rate = told["learning_rate"]
         rate = rate if slope(rate) is None else slope(rate)
-        if type(rate) not in (int, float) or not 0.0 < rate < 1.0:
+        if isinstance(rate, bool) or not isinstance(rate, (int, float)) or not 0.0 < rate < 1.0:
             raise ValueError(
                 f"learning_rate must lie between 0 and 1, got {told['learning_rate']!r}"
             )
@@ -260,23 +259,23 @@ class _School:
             self.pace.steps += self._told["updates"] * self._told["batch_size"]
             return costs
         if self._rounds == 0:
-            first = self._visits(self._told["first"])
-            if self._learn_from(first, stop, bar, "first flights") is None:
-                return None
+            with under_way(self._visits(self._told["first"]), self._run.workers) as first:
+                if self._learn_from(first, stop, bar, "first flights") is None:
+                    return None
             self._keep()
-        going_on = self._visits(1)
-        costs = self._update(stop, bar)
-        refused = None if costs is None else self._learn_from(going_on, stop, bar, "flights")
+        with under_way(self._visits(1), self._run.workers) as going_on:
+            costs = self._update(stop, bar)
+            refused = None if costs is None else self._learn_from(going_on, stop, bar, "flights")
         return None if costs is None or refused is None else {**costs, "refused": refused}
 
-    def _visits(self, rounds: int) -> Iterator[Visited]:
-        """Flights of the policy as it is now, under way in other processes if there are any."""
+    def _visits(self, rounds: int) -> list[Visit]:
+        """Flights of so many rounds, by the policy as it is now."""
         run, number = self._run, self._run.recipe.n_envs * rounds
         first = run.seed * _FIELDS + self._flown()
         shares = _SHARES * rounds
         cuts = [first + number * share // shares for share in range(shares + 1)]
         weights = {key: value.clone() for key, value in self._shell.policy.state_dict().items()}
-        visits = [
+        return [
             Visit(
                 card=self._card,
                 weights=weights,
@@ -287,9 +286,6 @@ class _School:
             )
             for share, (begin, end) in enumerate(itertools.pairwise(cuts))
         ]
-        flying = Parallel(n_jobs=run.workers, return_as="generator", pre_dispatch="all")
-        visited: Iterator[Visited] = flying(delayed(visit)(one) for one in visits)
-        return visited
 
     def _flown(self) -> int:
         """Flights of all rounds so far."""

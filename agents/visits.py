@@ -7,10 +7,16 @@ Reference:
 
 from __future__ import annotations
 
+import signal
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+from joblib import Parallel, delayed
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
@@ -74,6 +80,39 @@ class _Flight:
     def __init__(self, seed: int, field: Field, vehicle: flight.State) -> None:
         self.seed, self.field, self.vehicle = seed, field, vehicle
         self.rows: list[list[float]] = []
+
+
+@contextmanager
+def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visited]]:
+    """Visits that are flown from now on, in other processes if there are several workers.
+
+    What came of them, in their order. At the end of the context those that are left are given up.
+    """
+    flying = Parallel(n_jobs=workers, return_as="generator")
+    with _deaf():
+        visited = flying(delayed(visit)(one) for one in visits)
+    try:
+        yield visited
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # joblib's word on what is given up
+            visited.close()
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ignore Ctrl-C, and let processes started meanwhile do so: it is for who waits for them.
+
+    To block the signal would not do: who starts the first of them lets it through again.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def visit(asked: Visit) -> Visited:

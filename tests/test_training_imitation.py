@@ -2,10 +2,12 @@
 
 import csv
 import json
+import os
 import shutil
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, training_demos, training_imitation
+from agents import models, training_demos, visits
 from agents.batched import fly_batch, score
 from agents.cloning import Cloner
 from agents.command_line import main
@@ -30,7 +32,8 @@ from ferguson_gym.actions import encode
 from ferguson_gym.catalog import select
 from planners.interface import depart
 from planners.pursuit import Pursuit
-from tests.small_models import saved
+from tests.small_models import card_of, saved
+from tests.waiting import until
 
 CHOSEN, REPORTED = "sparse/validation:0-2", "sparse/validation:3-5"
 TINY: dict[str, Any] = {
@@ -198,7 +201,7 @@ def press_in_update(patch: pytest.MonkeyPatch, number: int) -> None:
 
 def press_in_flights(patch: pytest.MonkeyPatch, number: int) -> None:
     """Ctrl-C during a share of flights, counted from 1."""
-    visit, done = training_imitation.visit, []
+    visit, done = visits.visit, []
 
     def interrupted(*asked: Any) -> Any:
         done.append(visit(*asked))
@@ -206,7 +209,7 @@ def press_in_flights(patch: pytest.MonkeyPatch, number: int) -> None:
             signal.raise_signal(signal.SIGINT)
         return done[-1]
 
-    patch.setattr(training_imitation, "visit", interrupted)
+    patch.setattr(visits, "visit", interrupted)
 
 
 PRESSES: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
@@ -328,6 +331,7 @@ def test_bc_learns_from_demonstrations_and_dagger_goes_on_from_there(
     assert models.load(tmp_path / "refined").card.policy == "deepsets-mixture"
 
 
+@pytest.mark.slow
 def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path: Path) -> None:
     assert main(command("dagger")) == 0
     program = (
@@ -344,6 +348,30 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
     control = np.concatenate([flight.control for flight in here])
     assert len(control) > 4
     np.testing.assert_array_equal(np.load(tmp_path / "there.npy"), control)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seconds", [7.0, 12.0, 16.0])
+def test_ctrl_c_on_a_terminal_stops_workers_quietly(
+    seconds: float, command: Command, tmp_path: Path
+) -> None:
+    line = command("dagger", "--workers", "2", n_envs=60, first=8, updates=400, n_timesteps=10**7)
+    training = subprocess.Popen(
+        [sys.executable, "-m", "agents.command_line", *line],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    with training:
+        assert until(lambda: (tmp_path / "out/run.json").exists(), 60.0)
+        time.sleep(seconds - 6.0)  # among the first flights, or later
+        os.killpg(training.pid, signal.SIGINT)  # as a terminal does: workers and all
+        _, error = training.communicate(timeout=60.0)
+    assert training.returncode == 130
+    first, last = error.splitlines()
+    assert "stopping after this update, with a checkpoint" in first
+    assert last == "ferguson: interrupted"
 
 
 @pytest.mark.parametrize(
@@ -401,8 +429,6 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
 def test_models_of_another_kind_are_no_beginning(
     command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from tests.small_models import card_of
-
     start = saved(tmp_path / "start", card_of("sac"))
     assert main(command("dagger", "--from", str(start))) == 2
     assert "dagger cannot go on with a model of sac" in capsys.readouterr().err
