@@ -8,14 +8,19 @@ import pytest
 from ferguson_gym import flight
 from ferguson_gym.catalog import one
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.observing import observe
+from ferguson_gym.observing import observe, observe_one
 from ferguson_gym.settings import Settings
 
 
 @pytest.mark.parametrize(
     "arguments",
-    [{}, {"observation": "rays"}, {"nearest": 60, "focus": 9.0, "segments": 9}],
-    ids=["discs", "rays", "other"],
+    [
+        {},
+        {"observation": "rays"},
+        {"observation": "both", "nearest": 3, "rays": 5, "view": 45.0},
+        {"nearest": 60, "focus": 9.0, "segments": 9},
+    ],
+    ids=["discs", "rays", "both", "other"],
 )
 def test_what_is_seen_from_states_is_what_the_environment_shows_there(
     arguments: dict[str, Any],
@@ -41,3 +46,16 @@ def test_nothing_is_seen_of_no_states() -> None:
     assert seen["goal"].shape == (0, 3)
     (only,) = observe(field, [flight.depart(field)], Settings())["goal"]
     assert only[0] > 0.0
+
+
+def test_one_vehicle_sees_what_it_would_among_others() -> None:
+    field, settings = one("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
+    vehicles = [
+        flight.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)
+    ]
+    together = observe(field, vehicles, settings)
+    for k, vehicle in enumerate(vehicles):
+        alone = observe_one(field, vehicle, settings)
+        assert list(alone) == list(together)
+        for key, value in alone.items():
+            np.testing.assert_array_equal(value, together[key][k])
