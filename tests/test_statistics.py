@@ -4,7 +4,6 @@ import csv
 import itertools
 import json
 import math
-from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from agents import resampling
 from agents.metrics import success_interval
 from agents.recorded import Recorded, read
 from agents.resampling import percentiles, resampled_means, resampled_quartile_means
-from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS
+from agents.results import TIMING_COLUMNS
 from agents.statistics import (
     holm,
     improvement,
@@ -26,31 +25,7 @@ from agents.statistics import (
     summarise,
     summary,
 )
-
-EXACT = 140.0
-
-
-def write_results(
-    directory: Path,
-    lengths: Mapping[str, Mapping[str, Sequence[float | None]]],
-    exact: Mapping[str, float | None] | None = None,
-) -> Path:
-    """Results of policies by field, a length for each seed; None is a failure after 20 m."""
-    directory.mkdir(exist_ok=True)
-    with (directory / "flights.csv").open("w", newline="", encoding="utf-8") as file:
-        rows = csv.writer(file, lineterminator="\n")
-        rows.writerow(FLIGHT_COLUMNS)
-        for policy, fields in lengths.items():
-            for field, flown in fields.items():
-                shortest = EXACT if exact is None else exact[field]
-                for seed, length in enumerate(flown):
-                    success = length is not None
-                    gap = "" if length is None or shortest is None else length / shortest - 1.0
-                    outcome = "goal_reached" if success else "collision"
-                    known = "" if shortest is None else shortest
-                    row = (outcome, int(success), length or 20.0, known, gap, 0.5, 12, 4.0)
-                    rows.writerow((policy, field, seed, *row))
-    return directory
+from tests.written_results import EXACT, write_results
 
 
 def random_results(directory: Path, seeds: int = 1, fields: int = 30) -> Recorded:

@@ -1,0 +1,137 @@
+"""report.html of an evaluation: one file with tables, profiles and flights, without a network."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from agents.recorded import read
+from agents.report_flights import BUDGET, browser
+from agents.statistics import summary
+from ferguson_gym.fields import Field
+from ferguson_gym.files import written_whole
+from ferguson_gym.outcome import Outcome
+
+REPORT = "report.html"
+_TEMPLATE = "report_template.html"
+_PLACE = "/*DATA*/"
+"""Where the template takes the data, once."""
+_LONG = 400
+"""Characters of a value of the provenance that are shown."""
+
+
+def write_report(
+    directory: Path,
+    fields: Mapping[str, Field] | None = None,
+    statistics: Mapping[str, Any] | None = None,
+    budget: int = BUDGET,
+) -> None:
+    """Write report.html beside flights.csv, timings.csv, paths.npz and summary.json.
+
+    Of these, only flights.csv must be there. Whatever summary.json holds beside statistics is
+    shown as provenance.
+
+    Args:
+        directory: results of an evaluation.
+        fields: by name. Needed for those of files; others are drawn anew by their name. What
+            is neither is shown without obstacles.
+        statistics: `agents.statistics.summary` of the directory, if it is already there.
+        budget: characters that flights may take; beyond, failures and large gaps are kept.
+
+    Raises:
+        ValueError: files that are not those of one evaluation.
+    """
+    flights = read(directory)
+    found = summary(flights) if statistics is None else dict(statistics)
+    data = {
+        "headline": headline(found),
+        "statistics": found,
+        "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
+        "provenance": _provenance(directory / "summary.json", found),
+        "browser": browser(flights, directory, fields or {}, budget),
+    }
+    with written_whole(directory / REPORT) as temporary:
+        temporary.write_text(page(data), encoding="utf-8")
+
+
+def page(data: Mapping[str, Any]) -> str:
+    """The template with its data, in which nothing can end the element that holds it."""
+    template = files("agents").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    before, after = template.split(_PLACE)
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII alone
+    return before + text.replace("<", "\\u003c") + after
+
+
+def headline(found: Mapping[str, Any]) -> dict[str, Any]:
+    """A title and the sentences below it."""
+    policies = found["policies"]
+    title = (
+        f"{_number(len(policies), 'policy', 'policies')} on "
+        f"{_number(found['fields'], 'field', 'fields')}"
+    )
+    if not policies:
+        return {"title": "No flights", "sentences": ["This evaluation holds no flights."]}
+    arrived = sum(one["successes"] for one in policies)
+    reached = f"{arrived:,} of {found['flights']:,} flights reached the goal"
+    if len(policies) == 1:
+        sentences = [f"{policies[0]['policy']} has an SPL of {_spl(policies[0])}."]
+    else:
+        best = max(policies, key=lambda one: float(one["spl"]))
+        sentences = [f"{best['policy']} has the highest SPL, {_spl(best)}. {_lead(best, found)}"]
+    if found["seeds"] > 1:
+        reached += f", with {found['seeds']} policy seeds on each field"
+    return {"title": title, "sentences": [*sentences, f"{reached}."]}
+
+
+def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
+    """Whom the best policy is ahead of beyond doubt."""
+    name = best["policy"]
+    doubtful = []
+    for pair in found["pairs"]:
+        if name not in (pair["first"], pair["second"]):
+            continue
+        low, high = pair["spl_difference_low"], pair["spl_difference_high"]
+        if low is None or high is None or low <= 0.0 <= high:
+            doubtful.append(pair["second"] if pair["first"] == name else pair["first"])
+    if doubtful:
+        return f"These flights do not tell it from {', '.join(doubtful)} (paired 95 % interval)."
+    return "It is ahead of every other policy (paired 95 % intervals)."
+
+
+def _spl(one: Mapping[str, Any]) -> str:
+    told = f"{one['spl']:.4f}"
+    if one["spl_low"] is not None:
+        told += f" ({one['spl_low']:.4f} to {one['spl_high']:.4f})"
+    return told
+
+
+def _number(count: int, one: str, many: str) -> str:
+    return f"{count:,} {one if count == 1 else many}"
+
+
+def _provenance(path: Path, found: Mapping[str, Any]) -> dict[str, str]:
+    """What summary.json holds beside statistics, as text by key; nothing if it is not there."""
+    if not path.is_file():
+        return {}
+    try:
+        held = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
+    if not isinstance(held, dict):
+        raise ValueError(f"{path}: not a JSON object")
+    return dict(_flat("", {key: value for key, value in held.items() if key not in found}))
+
+
+def _flat(prefix: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    for key, value in values.items():
+        if isinstance(value, dict):
+            rows += _flat(f"{prefix}{key}.", value)
+        else:
+            text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+            whole = len(text) <= _LONG or key == "command"
+            rows.append((prefix + key, text if whole else f"{text[:_LONG]} …"))
+    return rows
