@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from agents.recorded import read
+from agents.flight_table import read
 from agents.report_flights import BUDGET, browser
 from agents.statistics import summary
 from ferguson_gym.fields import Field
@@ -16,9 +16,13 @@ from ferguson_gym.files import written_whole
 from ferguson_gym.outcome import Outcome
 
 REPORT = "report.html"
+FEW = 20
+"""Fields below which the report warns of its intervals."""
 _TEMPLATE = "report_template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
+_DECISIONS = ("decision_seconds_median", "decision_seconds_99")
+_CLOCK = "stopped_by_clock"
 _LONG = 400
 """Characters of a value of the provenance that are shown."""
 
@@ -31,8 +35,9 @@ def write_report(
 ) -> None:
     """Write report.html beside flights.csv, timings.csv, paths.npz and summary.json.
 
-    Of these, only flights.csv must be there. Whatever summary.json holds beside statistics is
-    shown as provenance.
+    Of these, only flights.csv must be there. What summary.json says of how the results were made
+    is shown, and times of decisions are taken from its `policies`, where they are over all
+    decisions of a policy; timings.csv knows a flight's median and slowest decision.
 
     Args:
         directory: results of an evaluation.
@@ -46,11 +51,24 @@ def write_report(
     """
     flights = read(directory)
     found = summary(flights) if statistics is None else dict(statistics)
+    held = _held(directory / "summary.json")
+    told = {one.get("policy"): one for one in held.get("policies", ()) if isinstance(one, dict)}
+    found["policies"] = [
+        one | {key: told[one["policy"]].get(key, one.get(key)) for key in _DECISIONS}
+        if one["policy"] in told
+        else one
+        for one in found["policies"]
+    ]
+    lines = headline(found)
+    if clocked := [name for name in flights.policies if told.get(name, {}).get(_CLOCK)]:
+        lines["sentences"].append(
+            f"Stopped by a clock, so that flights do not repeat exactly: {', '.join(clocked)}."
+        )
     data = {
-        "headline": headline(found),
+        "headline": lines,
         "statistics": found,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
-        "provenance": _provenance(directory / "summary.json", found),
+        "provenance": dict(_flat("", held)),
         "browser": browser(flights, directory, fields or {}, budget),
     }
     with written_whole(directory / REPORT) as temporary:
@@ -81,6 +99,11 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
     else:
         best = max(policies, key=lambda one: float(one["spl"]))
         sentences = [f"{best['policy']} has the highest SPL, {_spl(best)}. {_lead(best, found)}"]
+    if found["fields"] < FEW and len(policies) > 1:
+        sentences.append(
+            f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and "
+            "nothing is certain."
+        )
     if found["seeds"] > 1:
         reached += f", with {found['seeds']} policy seeds on each field"
     return {"title": title, "sentences": [*sentences, f"{reached}."]}
@@ -112,8 +135,8 @@ def _number(count: int, one: str, many: str) -> str:
     return f"{count:,} {one if count == 1 else many}"
 
 
-def _provenance(path: Path, found: Mapping[str, Any]) -> dict[str, str]:
-    """What summary.json holds beside statistics, as text by key; nothing if it is not there."""
+def _held(path: Path) -> dict[str, Any]:
+    """What summary.json holds beside statistics; nothing if it is not there."""
     if not path.is_file():
         return {}
     try:
@@ -122,14 +145,18 @@ def _provenance(path: Path, found: Mapping[str, Any]) -> dict[str, str]:
         raise ValueError(f"{path}: not JSON: {error}") from None
     if not isinstance(held, dict):
         raise ValueError(f"{path}: not a JSON object")
-    return dict(_flat("", {key: value for key, value in held.items() if key not in found}))
+    return {key: value for key, value in held.items() if key not in ("statistics", "files")}
 
 
 def _flat(prefix: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Texts by key; keys of what lies within others are joined by points."""
     rows: list[tuple[str, str]] = []
     for key, value in values.items():
-        if isinstance(value, dict):
-            rows += _flat(f"{prefix}{key}.", value)
+        inside = value
+        if isinstance(value, list) and value and all(isinstance(one, dict) for one in value):
+            inside = {str(one.get("policy", k)): one for k, one in enumerate(value)}
+        if isinstance(inside, dict):
+            rows += _flat(f"{prefix}{key}.", inside)
         else:
             text = value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
             whole = len(text) <= _LONG or key == "command"

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.recorded import Recorded
+from agents.flight_table import FlightTable
 from ferguson_gym import catalog
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import BOUNDS, Field
@@ -28,7 +28,7 @@ _FLIGHT = 60
 
 
 def browser(
-    flights: Recorded, directory: Path, fields: Mapping[str, Field], budget: int = BUDGET
+    flights: FlightTable, directory: Path, fields: Mapping[str, Field], budget: int = BUDGET
 ) -> dict[str, Any]:
     """What the browser of flights shows.
 
@@ -110,7 +110,7 @@ def _load(path: Path, number: int) -> tuple[Array, NDArray[np.int64]]:
     return control, offsets
 
 
-def _scenes(flights: Recorded) -> dict[tuple[int, int], NDArray[np.int64]]:
+def _scenes(flights: FlightTable) -> dict[tuple[int, int], NDArray[np.int64]]:
     """Flights by field and seed, in the order of flights.csv."""
     together = flights.field * len(flights.seeds) + flights.seed
     order = np.argsort(together, kind="stable")
@@ -122,7 +122,7 @@ def _scenes(flights: Recorded) -> dict[tuple[int, int], NDArray[np.int64]]:
 
 
 def _ranked(
-    flights: Recorded, scenes: Iterable[tuple[int, int]]
+    flights: FlightTable, scenes: Iterable[tuple[int, int]]
 ) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
     """Scenes with failures, the most telling first; and all scenes, the largest gap first."""
     failed = ~flights.success
@@ -141,7 +141,7 @@ def _ranked(
     )
 
 
-def _run(flights: Recorded, k: int, control: Array) -> dict[str, Any]:
+def _run(flights: FlightTable, k: int, control: Array) -> dict[str, Any]:
     gap = float(flights.gap[k])
     return {
         "policy": int(flights.policy[k]),

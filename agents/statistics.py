@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import binomtest, norm, trim_mean
 
+from agents.flight_table import FlightTable, read
 from agents.metrics import CONFIDENCE, Interval, quantile, share_within
-from agents.recorded import Recorded, read
 from agents.resampling import RESAMPLES, percentiles, resampled_means, resampled_quartile_means
 from ferguson_gym.arrays import Array
 
@@ -33,8 +33,8 @@ _LEVELS = 241
 HOW = {
     "success": "Share of flights that were feasible and ended on the goal; Wilson's interval, over "
     "fields: several policy seeds on a field count as one trial, since they may all be alike.",
-    "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0. "
-    "Bootstrap interval over fields, and over policy seeds where there are several.",
+    "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and so "
+    "does a field without a known shortest path. Bootstrap interval over fields, and over policy seeds where there are several.",
     "gap": "Length / exact - 1; a failure's is infinite, so that the median, the interquartile "
     "mean and the percentiles are infinite for policies that fail too often. Fields without a "
     "known shortest path are left out, for all policies. Bootstrap interval as for SPL.",
@@ -44,8 +44,9 @@ HOW = {
     "improvement": "Share of flights in which the first is shorter; alike within 1e-5 m, or both "
     "failed, counts half; a failure loses against any success.",
     "profiles": "Share of flights with a gap of at most x; a failure never has one.",
-    "times": "decision: median over flights of a flight's median decision, and 99th percentile "
-    "over flights of its slowest one; flight: all of a flight, failed ones as far as they flew.",
+    "times": "Decision: median over flights of a flight's median decision, and 99th percentile "
+    "over flights of its slowest one, unless it says 99 % alone: then both are over all decisions. "
+    "Flight: all of a flight, failed ones as far as they flew.",
 }
 """What each statistic is and how it treats failures, for people."""
 
@@ -54,12 +55,12 @@ def summarise(directory: Path, seed: int = 0) -> dict[str, Any]:
     """Statistics of a results directory, as `summary` has them.
 
     Raises:
-        ValueError: as `agents.recorded.read`.
+        ValueError: as `agents.flight_table.read`.
     """
     return summary(read(directory), seed)
 
 
-def summary(flights: Recorded, seed: int = 0) -> dict[str, Any]:
+def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
     """All statistics as JSON values; the same flights and seed give the same.
 
     What is infinite or does not exist is None: a gap is infinite where `gap_flights` is not 0.
@@ -95,7 +96,7 @@ def summary(flights: Recorded, seed: int = 0) -> dict[str, Any]:
     }
 
 
-def path_shares(flights: Recorded) -> Array:
+def path_shares(flights: FlightTable) -> Array:
     """Parts of all flights in SPL, (n,); 0 for failures and without a shortest path."""
     known = flights.success & np.isfinite(flights.exact)
     shares: Array = np.zeros(len(flights))
@@ -104,7 +105,7 @@ def path_shares(flights: Recorded) -> Array:
     return shares
 
 
-def policy_statistics(flights: Recorded, seed: int) -> list[dict[str, Any]]:
+def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
     """Of each policy: success, SPL, gaps, times; `HOW` says how failures are treated."""
     if len(flights) == 0:
         return []
@@ -139,26 +140,23 @@ def policy_statistics(flights: Recorded, seed: int) -> list[dict[str, Any]]:
                 **_bounds("gap_iqm", mean_interval),
                 "gap_90": _finite(quantile(known.tolist(), 0.9)),
                 "gap_99": _finite(quantile(known.tolist(), 0.99)),
-                **{
-                    f"{name}_{label}": _finite(quantile(_known(seconds[mine]).tolist(), share))
-                    for name, seconds, label, share in _times(flights)
-                },
+                **_times({name: _known(seconds[mine]) for name, seconds in flights.times.items()}),
             }
         )
     return found
 
 
-def _times(flights: Recorded) -> list[tuple[str, Array, str, float]]:
-    median, slowest, whole = flights.times.values()
-    return [
-        ("decision_seconds", median, "median", 0.5),
-        ("decision_seconds", slowest, "99", 0.99),
-        ("flight_seconds", whole, "median", 0.5),
-        ("flight_seconds", whole, "99", 0.99),
-    ]
+def _times(seconds: Mapping[str, Array]) -> dict[str, float | None]:
+    median, slowest, whole = (values.tolist() for values in seconds.values())
+    return {
+        "decision_seconds_median": quantile(median, 0.5),
+        "slowest_decision_seconds_99": quantile(slowest, 0.99),
+        "flight_seconds_median": quantile(whole, 0.5),
+        "flight_seconds_99": quantile(whole, 0.99),
+    }
 
 
-def pair_statistics(flights: Recorded, seed: int) -> list[dict[str, Any]]:
+def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
     """Of each pair of policies on the same fields and seeds; `HOW` says how failures count."""
     pairs = list(itertools.combinations(range(len(flights.policies)), 2))
     if not pairs:
@@ -288,7 +286,7 @@ def profile_levels(gaps: Array) -> Array:
     return np.geomspace(LEAST_GAP, 1.1 * greatest, _LEVELS)
 
 
-def _gaps(flights: Recorded) -> Array:
+def _gaps(flights: FlightTable) -> Array:
     """(policies, fields, seeds); infinite for failures, NaN without flight or shortest path."""
     gaps = np.where(flights.success, flights.gap, math.inf)
     gaps[np.isnan(flights.exact)] = math.nan

@@ -203,14 +203,31 @@ def test_the_headline_says_who_leads(
     assert sentence in " ".join(found["sentences"])
 
 
-def test_provenance_is_what_the_summary_holds_beside_statistics(three: Path) -> None:
-    made = {"provenance": {"command": "ferguson evaluate", "versions": {"numpy": "2"}}}
-    (three / "summary.json").write_text(json.dumps({**made, "policies": ["not this"]}))
-    write_report(three)
-    assert held(three)["provenance"] == {
-        "provenance.command": "ferguson evaluate",
-        "provenance.versions.numpy": "2",
+def test_the_summary_tells_how_results_were_made_and_times_of_all_decisions(three: Path) -> None:
+    made = {
+        "command": "ferguson evaluate",
+        "machine": {"versions": {"numpy": "2"}},
+        "policies": [
+            {"policy": "once", "decision_seconds_99": 0.25, "stopped_by_clock": True},
+            {"policy": "gone", "decision_seconds_99": 0.5},
+        ],
+        "statistics": {"policies": ["shown anyway"]},
     }
+    (three / "summary.json").write_text(json.dumps(made))
+    write_report(three)
+    data = held(three)
+    assert data["provenance"]["command"] == "ferguson evaluate"
+    assert data["provenance"]["machine.versions.numpy"] == "2"
+    assert data["provenance"]["policies.once.stopped_by_clock"] == "true"
+    assert not any(key.startswith("statistics") for key in data["provenance"])
+    times = [one.get("decision_seconds_99") for one in data["statistics"]["policies"]]
+    assert times == [None, 0.25, None]
+    assert "do not repeat exactly: once." in " ".join(data["headline"]["sentences"])
+    assert "With so few fields (4)" in " ".join(data["headline"]["sentences"])
+    for wrong in ("{", "[]"):
+        (three / "summary.json").write_text(wrong)
+        with pytest.raises(ValueError, match=r"summary\.json: not"):
+            write_report(three)
 
 
 def test_paths_of_another_evaluation_are_refused(three: Path, tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ _KEYS = ("policy", "field", "seed")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Recorded:
+class FlightTable:
     """All flights of an evaluation, in the order of flights.csv, n of them.
 
     Numbers that a flight does not have, such as the gap of a failure, are NaN.
@@ -62,7 +62,7 @@ class Recorded:
         return grid
 
 
-def read(directory: Path) -> Recorded:
+def read(directory: Path) -> FlightTable:
     """Read flights.csv and, where there is one, timings.csv.
 
     Raises:
@@ -89,7 +89,7 @@ def read(directory: Path) -> Recorded:
     success, length, exact, gap = np.array(numbers).reshape(-1, 4).T
     policy, field, seed = ([key[k] for key in keys] for k in range(3))
     policies, fields, seeds = (tuple(dict.fromkeys(names)) for names in (policy, field, seed))
-    return Recorded(
+    return FlightTable(
         policies=policies,
         fields=fields,
         seeds=tuple(map(int, seeds)),
