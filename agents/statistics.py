@@ -33,8 +33,9 @@ _LEVELS = 241
 HOW = {
     "success": "Share of flights that were feasible and ended on the goal; Wilson's interval, over "
     "fields: several policy seeds on a field count as one trial, since they may all be alike.",
-    "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and so "
-    "does a field without a known shortest path. Bootstrap interval over fields, and over policy seeds where there are several.",
+    "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and "
+    "so does a field without a known shortest path. Bootstrap interval over fields, and over "
+    "policy seeds where there are several.",
     "gap": "Length / exact - 1; a failure's is infinite, so that the median, the interquartile "
     "mean and the percentiles are infinite for policies that fail too often. Fields without a "
     "known shortest path are left out, for all policies. Bootstrap interval as for SPL.",

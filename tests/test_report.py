@@ -15,6 +15,7 @@ import pytest
 
 from agents.report import page, write_report
 from agents.report_flights import draw_chain, draw_shortest
+from agents.statistics import summarise
 from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
@@ -67,6 +68,13 @@ def test_a_report_is_one_file_that_asks_nothing_of_a_network(three: Path) -> Non
     assert addresses == {"http://www.w3.org/2000/svg"}  # a name, never fetched
     assert not re.search(r"<link|\ssrc=[\"']|@import|url\(", text)
     assert "default-src 'none'" in text
+
+
+def test_the_same_results_give_the_same_report(three: Path) -> None:
+    write_report(three)
+    first = (three / "report.html").read_bytes()
+    write_report(three, statistics=summarise(three))
+    assert (three / "report.html").read_bytes() == first
 
 
 def test_hostile_names_stay_text(three: Path) -> None:

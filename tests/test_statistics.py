@@ -1,6 +1,7 @@
 """Statistics of evaluations: against closed forms, brute force and hand-made results."""
 
 import csv
+import io
 import itertools
 import json
 import math
@@ -8,9 +9,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 from scipy.stats import trim_mean
 
-from agents import resampling
+from agents import resampling, statistics_tables
 from agents.flight_table import FlightTable, read
 from agents.metrics import success_interval
 from agents.resampling import percentiles, resampled_means, resampled_quartile_means
@@ -260,3 +262,29 @@ def test_bad_results_are_refused_with_file_and_line(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(ValueError, match=told):
             read(tmp_path)
+
+
+def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -> None:
+    write_results(
+        tmp_path,
+        {
+            "[red]late": {f"f{k}": [None if k % 2 else 160.0] for k in range(20)},
+            "good": {f"f{k}": [140.0 + k] for k in range(20)},
+        },
+    )
+    found = summarise(tmp_path)
+    console = Console(width=120, record=True, file=io.StringIO())
+    console.print(statistics_tables.policies(found))
+    console.print(statistics_tables.against_the_best(found))
+    lines = [line.strip() for line in console.export_text().splitlines()]
+    shown = [line for line in lines if line.startswith(("good ", "[red]late"))]
+    assert [line.split()[0] for line in shown] == ["good", "[red]late", "good", "[red]late"]
+    assert "100.0 (83.9 to 100.0)" in shown[0]
+    assert "50.0 (29.9 to 70.1)" in shown[1]
+    assert "inf" in shown[1]
+    late, good = (one["spl"] for one in found["policies"])
+    assert f"{good - late:+.4f} (+0." in shown[3]
+    assert "10 : 0" in shown[3]
+    assert "100.0 (100.0 to 100.0)" in shown[3]
+    write_results(tmp_path, {"alone": {"f": [150.0]}})
+    assert statistics_tables.against_the_best(summarise(tmp_path)) is None
