@@ -97,7 +97,7 @@ def replay(env: gym.Env[Observation, Action], field: str, actions: Action) -> Ep
 
 @dataclass(slots=True)
 class _Recorded:
-    """Recorded actions as a policy."""
+    """FlightTable actions as a policy."""
 
     actions: Action
     done: int = 0

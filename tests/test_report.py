@@ -1,0 +1,375 @@
+"""The report: what it holds, that names cannot break it, and that it works in a browser."""
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Mapping
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.report import page, write_report
+from agents.report_flights import draw_chain, draw_shortest
+from agents.statistics import summarise
+from ferguson_gym.catalog import one
+from ferguson_gym.fields import Field
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.splines import evaluate
+from planners.shortest import shortest_path
+from tests.written_results import chain, write_results
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+HOSTILE = '</script><script>alert("x")</script><!--<img src=x onerror=alert(1)>'
+STRANGE = "/*DATA*/ \u2028 ' \" & ünïcode"
+
+
+def held(directory: Path) -> dict[str, Any]:
+    """The data in a report, as a browser would find it."""
+    scripts: list[tuple[dict[str, str | None], str]] = []
+
+    class Reader(HTMLParser):
+        def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+            if tag == "script":
+                scripts.append((dict(attributes), ""))
+
+        def handle_data(self, text: str) -> None:
+            if scripts and self.cdata_elem == "script":
+                scripts[-1] = (scripts[-1][0], scripts[-1][1] + text)
+
+    Reader().feed((directory / "report.html").read_text(encoding="utf-8"))
+    assert [script[0].get("type") for script in scripts] == ["application/json", None]
+    data: dict[str, Any] = json.loads(scripts[0][1])
+    return data
+
+
+@pytest.fixture
+def three(tmp_path: Path) -> Path:
+    """Three policies on four fields: one never fails, one fails once, one always."""
+    names = [f"standard/train:{k}" for k in range(3)]
+    return write_results(
+        tmp_path / "three",
+        {
+            "sure": {**{name: [150.0] for name in names}, HOSTILE: [170.0]},
+            "once": {names[0]: [145.0], names[1]: [None], names[2]: [190.0], HOSTILE: [141.0]},
+            STRANGE: {**{name: [None] for name in names}, HOSTILE: [142.0]},
+        },
+    )
+
+
+def test_a_report_is_one_file_that_asks_nothing_of_a_network(three: Path) -> None:
+    write_report(three)
+    text = (three / "report.html").read_text(encoding="utf-8")
+    addresses = set(re.findall(r"https?://[^\"'\s]+", text))
+    assert addresses == {"http://www.w3.org/2000/svg"}  # a name, never fetched
+    assert not re.search(r"<link|\ssrc=[\"']|@import|url\(", text)
+    assert "default-src 'none'" in text
+
+
+def test_the_same_results_give_the_same_report(three: Path) -> None:
+    write_report(three)
+    first = (three / "report.html").read_bytes()
+    write_report(three, statistics=summarise(three))
+    assert (three / "report.html").read_bytes() == first
+
+
+def test_hostile_names_stay_text(three: Path) -> None:
+    write_report(three)
+    data = held(three)
+    assert [row["policy"] for row in data["statistics"]["policies"]] == ["sure", "once", STRANGE]
+    assert HOSTILE in [field["name"] for field in data["browser"]["fields"]]
+
+
+def test_rare_failures_come_first_and_then_the_largest_gaps(three: Path) -> None:
+    write_report(three)
+    browser = held(three)["browser"]
+    names = [browser["fields"][scene["field"]]["name"] for scene in browser["scenes"]]
+    assert names == ["standard/train:1", "standard/train:0", "standard/train:2", HOSTILE]
+    assert browser["total"] == 4
+    assert browser["note"] == ""
+    runs = browser["scenes"][0]["runs"]
+    assert [(run["policy"], run["success"]) for run in runs] == [(0, True), (1, False), (2, False)]
+    assert runs[1]["gap"] is None
+    assert runs[1]["outcome"] == "collision"
+    assert runs[0]["gap"] == pytest.approx(150.0 / 140.0 - 1.0, abs=1e-6)
+
+
+def test_beyond_the_budget_a_report_says_what_it_left_out(tmp_path: Path) -> None:
+    fields = {f"x{k}": [140.0 + k] for k in range(400)}
+    fields["x7"] = [None]
+    write_results(tmp_path, {"a": fields})
+    write_report(tmp_path, budget=20_000)
+    browser = held(tmp_path)["browser"]
+    shown = len(browser["scenes"])
+    assert 10 < shown < 200
+    assert len(json.dumps(browser, separators=(",", ":"))) < 30_000
+    assert f"{shown} of 400 fields and seeds: 1 of the 1 with failures" in browser["note"]
+    names = [browser["fields"][scene["field"]]["name"] for scene in browser["scenes"]]
+    assert names[:4] == ["x7", "x399", "x398", "x397"]
+
+
+def test_common_failures_do_not_fill_the_whole_budget(tmp_path: Path) -> None:
+    fields = {f"x{k}": [None] for k in range(300)} | {f"y{k}": [150.0] for k in range(300)}
+    write_results(tmp_path, {"a": fields})
+    write_report(tmp_path, budget=20_000)
+    scenes = held(tmp_path)["browser"]["scenes"]
+    arrived = sum(scene["runs"][0]["success"] for scene in scenes)
+    assert 5 < arrived < len(scenes) - arrived
+
+
+def test_fields_are_those_handed_in_or_drawn_by_name(three: Path) -> None:
+    odd = Field(name=HOSTILE, obstacles=Discs([[50.0, 51.5]], [7.25]))
+    write_report(three, {HOSTILE: odd})
+    drawn = {field["name"]: field for field in held(three)["browser"]["fields"]}
+    assert drawn[HOSTILE]["discs"] == [5000, 5150, 725]
+    assert drawn[HOSTILE]["goal"] == [10000, 10000]
+    named = one("standard/train:2")
+    assert isinstance(named.obstacles, Discs)
+    discs = np.reshape(drawn["standard/train:2"]["discs"], (-1, 3)) / 100.0
+    np.testing.assert_allclose(discs[:, :2], named.obstacles.centers, atol=0.005)
+    np.testing.assert_allclose(discs[:, 2], named.obstacles.radii, atol=0.005)
+    write_report(three)
+    unknown = {field["name"]: field for field in held(three)["browser"]["fields"]}[HOSTILE]
+    assert unknown["discs"] is unknown["shortest"] is None
+
+
+def test_a_file_is_never_taken_for_a_field_by_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine").write_text('{"centers": [[50, 50]], "radii": [5]}')
+    write_results(tmp_path, {"a": {"mine": [150.0]}})
+    monkeypatch.chdir(tmp_path)
+    write_report(tmp_path)
+    assert held(tmp_path)["browser"]["fields"][0]["discs"] is None
+
+
+def numbers(path: str) -> list[list[float]]:
+    return [
+        [float(n) for n in re.findall(r"-?\d+", part)] for part in re.split("[A-Za-z]", path)[1:]
+    ]
+
+
+def test_a_drawn_chain_is_the_flown_curve() -> None:
+    control = chain(5, aside=20.0)
+    (start, first, *rest) = numbers(draw_chain(control))
+    at = np.array(start)
+    t = np.linspace(0.0, 1.0, 9)[:, None]
+    before = at + first[:2]
+    for k, step in enumerate([first[2:], *rest]):
+        middle, end = at + step[:2], at + step[2:]
+        bezier = (
+            (1 - t) ** 3 * at
+            + 3 * (1 - t) ** 2 * t * before
+            + 3 * (1 - t) * t**2 * middle
+            + t**3 * end
+        )
+        np.testing.assert_allclose(bezier / 100.0, evaluate(control[k], t[:, 0]), atol=0.03)
+        at, before = end, 2.0 * end - middle
+    assert draw_chain(np.empty((0, 4, 2))) == ""
+
+
+def test_a_drawn_shortest_path_turns_with_its_discs() -> None:
+    path = shortest_path(one("standard/train:0"))
+    assert path is not None
+    parts = numbers(draw_shortest(path))
+    assert parts[0] == [0.0, 0.0]
+    assert parts[-1] == [10000.0, 10000.0]
+    arcs = [part for part in parts if len(part) == 7]
+    assert [arc[4] for arc in arcs] == [float(sense > 0) for sense in path.senses]
+    np.testing.assert_allclose([arc[0] for arc in arcs], 100.0 * path.radii, atol=0.5)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "title", "sentence"),
+    [
+        ({}, "No flights", "This evaluation holds no flights."),
+        ({"a": {"x": [None]}}, "1 policy on 1 field", "a has an SPL of 0.0000."),
+        (
+            {"a": {"x": [150.0], "y": [155.0]}, "b": {"x": [190.0], "y": [195.0]}},
+            "2 policies on 2 fields",
+            "It is ahead of every other policy (paired 95 % intervals).",
+        ),
+        (
+            {"a": {"x": [150, 160], "y": [160, 149.5]}, "b": {"x": [160, 150], "y": [150, 160]}},
+            "2 policies on 2 fields",
+            "These flights do not tell it from b",
+        ),
+    ],
+)
+def test_the_headline_says_who_leads(
+    tmp_path: Path, lengths: Mapping[str, Any], title: str, sentence: str
+) -> None:
+    write_results(tmp_path, lengths)
+    (tmp_path / "paths.npz").unlink()
+    write_report(tmp_path)
+    found = held(tmp_path)["headline"]
+    assert found["title"] == title
+    assert sentence in " ".join(found["sentences"])
+
+
+def test_the_summary_tells_how_results_were_made_and_times_of_all_decisions(three: Path) -> None:
+    made = {
+        "command": "ferguson evaluate",
+        "machine": {"versions": {"numpy": "2"}},
+        "policies": [
+            {"policy": "once", "decision_seconds_99": 0.25, "stopped_by_clock": True},
+            {"policy": "gone", "decision_seconds_99": 0.5},
+        ],
+        "statistics": {"policies": ["shown anyway"]},
+    }
+    (three / "summary.json").write_text(json.dumps(made))
+    write_report(three)
+    data = held(three)
+    assert data["provenance"]["command"] == "ferguson evaluate"
+    assert data["provenance"]["machine.versions.numpy"] == "2"
+    assert data["provenance"]["policies.once.stopped_by_clock"] == "true"
+    assert not any(key.startswith("statistics") for key in data["provenance"])
+    times = [one.get("decision_seconds_99") for one in data["statistics"]["policies"]]
+    assert times == [None, 0.25, None]
+    assert "do not repeat exactly: once." in " ".join(data["headline"]["sentences"])
+    assert "With so few fields (4)" in " ".join(data["headline"]["sentences"])
+    for wrong in ("{", "[]"):
+        (three / "summary.json").write_text(wrong)
+        with pytest.raises(ValueError, match=r"summary\.json: not"):
+            write_report(three)
+
+
+def test_paths_of_another_evaluation_are_refused(three: Path, tmp_path: Path) -> None:
+    other = write_results(tmp_path / "other", {"a": {"x": [150.0]}})
+    shutil.copy(other / "paths.npz", three)
+    with pytest.raises(ValueError, match=r"has 1 flights and flights\.csv has 12"):
+        write_report(three)
+    (three / "paths.npz").write_bytes(b"nothing")
+    with pytest.raises(ValueError, match="does not hold the paths of flights"):
+        write_report(three)
+    assert not (three / "report.html").exists()
+
+
+def test_data_keep_out_of_the_markup() -> None:
+    text = page({"name": HOSTILE, "other": STRANGE})
+    assert HOSTILE not in text
+    assert text.count("</script>") == 2
+
+
+WATCH = """<script>
+const wrong = [];
+window.onerror = message => { wrong.push(String(message)); };
+console.error = console.warn = (...words) => { wrong.push(words.join(" ")); };
+window.alert = () => { wrong.push("a name ran as a script"); };
+document.addEventListener("securitypolicyviolation", e => wrong.push(e.violatedDirective));
+</script>"""
+ACTS = """
+const cells = column => [...document.querySelectorAll("#table tbody tr")].map(
+  row => row.cells[column].firstChild.textContent);
+const told = { title: document.title, before: cells(2), paired: paired_rows() };
+function paired_rows() { return document.querySelectorAll("#pairs tbody tr").length; }
+const press = key => document.getElementById("list").dispatchEvent(
+  new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
+const chosen = () => document.getElementById("shown").textContent;
+const sort = column => document.querySelectorAll("#table thead button")[column].click();
+sort(2);
+told.upwards = cells(2);
+sort(1);
+told.success = cells(1);
+sort(3);
+told.gaps = cells(3);
+told.shown = [chosen()];
+for (const key of ["ArrowDown", "ArrowRight", "End", "ArrowDown", "ArrowLeft", "Home"]) {
+  press(key);
+  told.shown.push(chosen());
+}
+told.listed = {};
+const filter = document.getElementById("filter");
+for (const option of filter.options) {
+  filter.value = option.value;
+  filter.dispatchEvent(new Event("change"));
+  told.listed[option.value] = document.querySelectorAll("#list [role=option]").length;
+}
+told.largest = chosen();
+told.drawn = {
+  discs: document.querySelectorAll("#drawing circle.around").length,
+  paths: document.querySelectorAll("#drawing path.path:not(.cross)").length,
+  shortest: document.querySelectorAll("#drawing path.dotted").length,
+  profiles: document.querySelectorAll("#profile path").length,
+};
+document.querySelector("#legend button").click();
+told.hidden = document.querySelectorAll("#profile path").length;
+"""
+TELL = """
+told.images = document.images.length;
+told.width = [innerWidth, document.documentElement.scrollWidth];
+told.wrong = wrong;
+const result = parent.document.createElement("pre");
+result.id = "result";
+result.textContent = JSON.stringify(told);
+parent.document.body.append(result);
+"""
+
+
+def tried(directory: Path, width: int, acts: str) -> dict[str, Any]:
+    """What happens when somebody uses the report in Chromium, in a window of that width."""
+    report = (directory / "report.html").read_text(encoding="utf-8")
+    report = report.replace("<head>", f"<head>{WATCH}")
+    report = report.replace("</body>", f"<script>{acts}{TELL}</script></body>")
+    (directory / "tried.html").write_text(report, encoding="utf-8")
+    frame = f"<iframe src='tried.html' style='border:0;width:{width}px;height:844px'></iframe>"
+    (directory / "frame.html").write_text(f"<body>{frame}", encoding="utf-8")
+    done = subprocess.run(
+        [
+            str(CHROMIUM),
+            "--headless",
+            "--hide-scrollbars",
+            "--no-sandbox",
+            "--disable-gpu",
+            "--disable-dev-shm-usage",
+            "--allow-file-access-from-files",
+            f"--user-data-dir={directory / 'browser'}",
+            "--window-size=1280,900",
+            "--virtual-time-budget=2000",
+            "--dump-dom",
+            (directory / "frame.html").as_uri(),
+        ],
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=True,
+    )
+    found = re.search(r'<pre id="result">(.*?)</pre>', done.stdout, re.DOTALL)
+    assert found is not None, done.stdout[:2000]
+    told: dict[str, Any] = json.loads(unescape(found[1]))
+    return told
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize("width", [390, 1200])
+def test_a_report_works_in_a_browser(three: Path, width: int) -> None:
+    write_report(three)
+    told = tried(three, width, ACTS)
+    assert told["wrong"] == []
+    assert told["images"] == 0
+    assert told["title"] == "3 policies on 4 fields"
+    assert told["width"] == [width, width]
+    assert told["before"] == sorted(told["before"], reverse=True)
+    assert told["upwards"] == told["before"][::-1]
+    assert told["success"] == ["100.0", "75.0", "25.0"]
+    assert told["gaps"] == ["3.57", "7.14", "∞"]
+    assert told["paired"] == 2
+    a, b, c, last = "standard/train:1", "standard/train:0", "standard/train:2", HOSTILE
+    assert told["shown"] == [a, b, c, last, last, c, a]
+    assert told["listed"] == {"all": 4, "failures": 3, "0": 0, "1": 1, "2": 3, "gap": 4}
+    assert told["largest"] == c
+    assert told["drawn"] == {"discs": 50, "paths": 3, "shortest": 1, "profiles": 3}
+    assert told["hidden"] == 2
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="needs Chromium")
+@pytest.mark.parametrize("lengths", [{}, {"a": {"x": [None, 150.0]}}])
+def test_reports_of_little_work_in_a_browser(tmp_path: Path, lengths: Mapping[str, Any]) -> None:
+    write_report(write_results(tmp_path, lengths))
+    told = tried(tmp_path, 390, "const told = {};")
+    assert told["wrong"] == []
+    assert told["width"] == [390, 390]
