@@ -105,6 +105,10 @@ FROM = "+from="
 """In a planner's name, precedes the policy whose proposals it starts from."""
 
 
+TRIES = "+tries="
+"""In an agent's name, precedes the number of flights that it imagines before it flies."""
+
+
 def make_planner(name: str) -> Planner:
     """The planner of this name, which may end on `+from=POLICY` and then starts from proposals.
 
@@ -146,13 +150,22 @@ def make_policy(name: str) -> Policy:
         return shielded(name.removesuffix(SHIELDED))
     if is_planner(name):
         return expert(make_planner(name))
-    place = shelf.find(name)
+    return _agent(shelf.meant(name))
+
+
+def _agent(name: str) -> Policy:
+    """The agent of a name, that may end on `+tries=N` and then imagines N flights."""
+    plain, found, tries = name.partition(TRIES)
+    place = shelf.find(plain)
     if place is None:
         agents = shelf.shipped()
         raise ValueError(
             f"unknown policy {name!r}; policies are {', '.join([*PLANNERS, *agents])}, and the "
             "directories of trained agents"
         )
+    if found and not (tries.isascii() and tries.isdecimal()):
+        raise ValueError(f"policy {name!r}: need a whole number after {TRIES}, got {tries!r}")
+    from agents.imagining import Imagining
     from agents.pilots import pilot
 
-    return pilot(place)
+    return Imagining(pilot(place), int(tries)) if found else pilot(place)

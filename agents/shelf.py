@@ -11,8 +11,8 @@ from pathlib import Path
 
 SHIPPED = Path(__file__).parent / "shipped"
 """A directory with `model.zip` and `model.json` for each shipped agent."""
-_BEST = "best"
-"""Another name for the best of them; `best.json` there says which it is."""
+BEST = "best"
+"""Another name for the best of them; `best.json` there says which it is, options included."""
 _FILES = ("model.zip", "model.json")
 
 
@@ -20,10 +20,21 @@ def shipped() -> dict[str, Path]:
     """Directories of the shipped agents by name, `best` among them if there are any."""
     agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if path.is_dir()}
     agents = {name: path for name, path in agents.items() if (path / _FILES[0]).exists()}
-    chosen = SHIPPED / f"{_BEST}.json"
-    if chosen.exists():
-        agents[_BEST] = SHIPPED / json.loads(chosen.read_text(encoding="utf-8"))[_BEST]
+    if (plain := meant(BEST).partition("+")[0]) in agents:
+        agents[BEST] = agents[plain]
     return agents
+
+
+def meant(name: str) -> str:
+    """The name itself or, where it begins with `best`, that of the agent that is meant."""
+    chosen = SHIPPED / f"{BEST}.json"
+    plain, plus, options = name.partition("+")
+    if plain != BEST or not chosen.exists():
+        return name
+    known: str = json.loads(chosen.read_text(encoding="utf-8"))[BEST]
+    if "+tries=" in known and options.startswith("tries="):  # asked for otherwise
+        known = known.partition("+")[0]
+    return known + plus + options
 
 
 def find(name: str) -> Path | None:

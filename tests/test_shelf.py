@@ -46,6 +46,15 @@ def test_shipped_agents_have_names_and_best_is_one_of_them(shipped: Path) -> Non
     assert shelf.find("nobody") is None
 
 
+def test_best_means_an_agent_with_its_options(shipped: Path) -> None:
+    (shipped / "best.json").write_text(json.dumps({"best": "ace+tries=8"}))
+    assert shelf.meant("best") == "ace+tries=8"
+    assert shelf.meant("best+shield") == "ace+tries=8+shield"
+    assert shelf.meant("best+tries=3") == "ace+tries=3"
+    assert shelf.meant("rookie+tries=3") == "rookie+tries=3"
+    assert shelf.shipped()["best"] == shipped / "ace"
+
+
 @pytest.mark.usefixtures("installed", "shipped")
 def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: Path) -> None:
     place = agent(tmp_path / "runs/ppo")
@@ -63,7 +72,7 @@ def test_what_agents_need_is_said_where_it_is_missing(
     shipped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda module: module != "torch" or None)
-    with pytest.raises(ValueError, match=r"'best' needs torch: pip install 'ferguson-gym\[agents"):
+    with pytest.raises(ValueError, match=r"'ace' needs torch: pip install 'ferguson-gym\[agents"):
         make_policy("best")
 
 

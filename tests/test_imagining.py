@@ -1,0 +1,114 @@
+"""Agents that imagine flights, on a network that flies straight at the goal."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+from stable_baselines3.common.policies import BasePolicy
+
+from agents.flights import Flight, fly
+from agents.imagining import MOST, Imagining
+from agents.models import Card, Model
+from agents.pilots import Pilot
+from agents.policies import make_policy
+from ferguson_gym import flight
+from ferguson_gym.catalog import one
+from ferguson_gym.fields import Field
+from ferguson_gym.interface import action_space, observation_space
+from ferguson_gym.obstacles import Discs
+from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import Settings
+
+
+class Straight(BasePolicy):
+    """Turns towards the goal, whatever stands in the way, and slows down before it."""
+
+    def __init__(self) -> None:
+        super().__init__(observation_space(Settings()), action_space())
+
+    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
+        goal = observation["goal"]
+        near = (goal[:, 0] * 170.0 < 12.0).float()
+        turn = (0.2 * goal[:, 2]).clamp(-0.5, 0.5)
+        zero = torch.zeros_like(turn)
+        return torch.stack([-0.2 - 0.2 * near, turn, zero, zero], dim=1)
+
+
+PILOT = Pilot(
+    Model(Straight(), Card(algorithm="ppo", policy="mlp", policy_kwargs={}, environment={}))
+)
+
+
+def beside_the_way(depth: float) -> Field:
+    """Two discs that reach over the diagonal by a depth [m]."""
+    aside = (4.0 - depth) / np.sqrt(2.0)
+    centers = np.array([[30.0 + aside, 30.0 - aside], [70.0 - aside, 70.0 + aside]])
+    return Field(name=f"{depth} m deep", obstacles=Discs(centers, np.array([4.0, 4.0])))
+
+
+FIELDS = [beside_the_way(depth) for depth in (-0.5, -0.1, 0.1, 0.2, 0.4)]
+
+
+def flown(policy: Any, seed: int = 0) -> list[Flight]:
+    return [fly(policy, "x", field, seed) for field in FIELDS]
+
+
+def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -> None:
+    alone, imagined = flown(PILOT), flown(Imagining(PILOT, 24))
+    assert 0 < sum(one.success for one in alone) < sum(one.success for one in imagined)
+    for own, best in zip(alone, imagined, strict=True):
+        if own.success:
+            assert best.success
+            assert best.length <= own.length + 1e-9
+
+
+def test_a_seed_decides_what_is_imagined() -> None:
+    first, again, other = (flown(Imagining(PILOT, 8), seed) for seed in (0, 0, 1))
+    for one_, same in zip(first, again, strict=True):
+        np.testing.assert_array_equal(one_.control, same.control)
+    assert any(
+        a.control.shape != b.control.shape or (a.control != b.control).any()
+        for a, b in zip(first, other, strict=True)
+    )
+
+
+def test_where_nothing_arrives_its_own_flight_is_flown() -> None:
+    field = Field(name="a wall", obstacles=Discs(np.array([[50.0, 50.0]]), np.array([30.0])))
+    own, imagined = fly(PILOT, "x", field, 0), fly(Imagining(PILOT, 2), "x", field, 0)
+    assert own.outcome is imagined.outcome is Outcome.COLLISION
+    np.testing.assert_array_equal(own.control, imagined.control)
+
+
+def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
+    field = one("sparse/train:3")
+    agent = Imagining(PILOT, 8)
+    agent.begin(field, 0)
+    vehicle = flight.depart(field)
+    action = agent.act({}, vehicle)
+    assert action is not None
+    there = flight.advance(field, vehicle, action).state
+    moved = flight.State(there.position + 0.5, there.derivative, there.segments)
+    fresh = Imagining(PILOT, 8)
+    fresh.begin(field, 0)
+    expected = fresh.act({}, moved)
+    given = agent.act({}, moved)
+    assert expected is not None
+    assert given is not None
+    np.testing.assert_array_equal(given, expected)
+
+
+@pytest.mark.parametrize("tries", [0, 1, MOST + 1])
+def test_a_number_of_flights_that_makes_no_sense_is_refused(tries: int) -> None:
+    with pytest.raises(ValueError, match=f"imagines 2 to {MOST} flights, got {tries}"):
+        Imagining(PILOT, tries)
+
+
+def test_names_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match="unknown policy"):
+        make_policy("nobody+tries=8")
