@@ -115,9 +115,7 @@ class Request:
         return {
             "policies": {policy: provenance.models(policy) for policy in self.policies},
             "fields": spans([name_of(source) for source in self.fields]),
-            "files": {
-                s.name: provenance.hash_field(s) for s in self.fields if isinstance(s, Field)
-            },
+            "files": {one.name: provenance.hash_field(one) for one in given},
             "seeds": spans([f":{seed}" for seed in self.seeds]),
             "chunk": self.chunk or [PLANNED, BATCHED],
             **self.software,

@@ -165,7 +165,7 @@ def fly(
     """Fly and keep the missing chunks; yields the number of flights of each that is done.
 
     When a worker dies, what it held is flown again by another. A chunk that was there each time is
-    flown flight by flight, to find the one which it is.
+    flown flight by flight, after all others, to find the one which it is.
 
     Raises:
         ChildProcessError: one flight always ends its worker.
@@ -176,21 +176,34 @@ def fly(
     with flying(backend) as run:
         while left:
             held: set[int] = set()
-            suspects = [task for number, task in left.items() if blame[number] >= DEATHS]
+            rest = [task for number, task in left.items() if blame[number] < DEATHS]
             try:
-                for task in suspects:
-                    answers = [_alone(run, one) for one in alone(task)]
-                    _see(work.request, answers[0])
-                    work.keep(task.chunk, records.join([answer.flown for answer in answers]))
-                    del left[task.chunk]
-                    yield len(task.flights)
-                for answer in run(_noted([*left.values()], held)):
+                for answer in run(_noted(rest, held)):
                     _see(work.request, answer)
                     work.keep(answer.chunk, answer.flown)
                     held.discard(answer.chunk)
                     yield len(left.pop(answer.chunk).flights)
             except WorkerDiedError:
                 blame.update(held)
+                continue
+            yield from _suspects(work, left, run)
+
+
+def _suspects(work: Work, left: dict[int, Task], run: Any) -> Iterator[int]:
+    """Fly what is left flight by flight; what does not fly is told at the end."""
+    fatal: list[ChildProcessError] = []
+    for number in list(left):
+        task = left.pop(number)
+        try:
+            answers = [_alone(run, one) for one in alone(task)]
+        except ChildProcessError as error:
+            fatal.append(error)
+            continue
+        _see(work.request, answers[0])
+        work.keep(number, records.join([answer.flown for answer in answers]))
+        yield len(task.flights)
+    if fatal:
+        raise fatal[0]
 
 
 def _noted(tasks: Iterable[Task], held: set[int]) -> Iterator[Task]:
