@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import logging
+import os
 import queue
 import re
 import socket
@@ -17,7 +18,7 @@ from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
 
-from agents.evaluation_chunks import Answer, Task, end_with_parent, fly_task
+from agents.evaluation_chunks import Answer, Task, end_with, fly_task
 from agents.interruptions import uninterrupted
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
@@ -97,12 +98,27 @@ def check(backend: Backend) -> None:
     if backend.address is None:
         return
     try:
-        socket.create_connection(place_of(backend.address), timeout=PATIENCE).close()
+        with socket.create_connection(place_of(backend.address), timeout=PATIENCE) as speaking:
+            if backend.name == DASK:
+                _hear_dask(speaking)
     except OSError as error:
         raise ConnectionError(_unreachable(backend, error)) from None
     if backend.name == DASK:
         with _dask(backend):
             pass
+
+
+def _hear_dask(speaking: socket.socket) -> None:
+    """See that it is a scheduler which listens: Dask's client waits for ever for one that is none.
+
+    Raises:
+        OSError: it is none.
+    """
+    speaking.settimeout(PATIENCE)
+    # a scheduler speaks first, and begins with a small number
+    heard = speaking.recv(8)
+    if len(heard) < 8 or int.from_bytes(heard, "little") >= 2**32:
+        raise OSError("something else listens there")
 
 
 def _unreachable(backend: Backend, error: object) -> str:
@@ -143,7 +159,7 @@ def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterat
         max_nbytes=None,  # no files beside the processes
     )
     with uninterrupted():
-        answers = parallel(delayed(_fly_here)(task) for task in tasks)
+        answers = parallel(delayed(_fly_here)(task, os.getpid()) for task in tasks)
     try:
         yield from answers
     except BrokenProcessPool:
@@ -156,10 +172,10 @@ _watched = threading.Event()
 """Set in worker processes that end with their parent."""
 
 
-def _fly_here(task: Task) -> Answer:
+def _fly_here(task: Task, parent: int) -> Answer:
     if not _watched.is_set():
         _watched.set()
-        end_with_parent()
+        end_with(parent)
     return fly_task(task)
 
 

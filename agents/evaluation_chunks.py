@@ -158,9 +158,10 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
     return flown
 
 
-def end_with_parent() -> None:
+def end_with(parent: int) -> None:
     """Let this process end when the one that started it has ended, however that was."""
-    parent = os.getppid()
+    if os.name != "posix":  # elsewhere a process keeps its parent's number
+        return
 
     def watch() -> None:
         while os.getppid() == parent:

@@ -36,27 +36,29 @@ def children(pid: int) -> list[int]:
     return found
 
 
-def start(out: Path, fields: str, *more: str) -> subprocess.Popen[str]:
+def start(out: Path, fields: str, *more: str) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "agents.command_line", "evaluate", "--policy", "guided"]
     command += ["--fields", fields, "--out", str(out), *more]
-    return subprocess.Popen(
-        command,
-        stderr=subprocess.PIPE,
-        stdout=subprocess.DEVNULL,
-        text=True,
-        start_new_session=True,
-    )
+    # no pipe: workers that outlive a killed run would keep it open
+    with said_by(out).open("w") as said:
+        return subprocess.Popen(
+            command, stderr=said, stdout=subprocess.DEVNULL, start_new_session=True
+        )
+
+
+def said_by(out: Path) -> Path:
+    return out.with_suffix(".stderr")
 
 
 @pytest.fixture
-def begun() -> Iterator[list[subprocess.Popen[str]]]:
+def begun() -> Iterator[list[subprocess.Popen[bytes]]]:
     """Processes to end with the test."""
-    runs: list[subprocess.Popen[str]] = []
+    runs: list[subprocess.Popen[bytes]] = []
     yield runs
     for run in runs:
         if run.poll() is None:
             run.kill()
-        run.communicate()
+        run.wait()
 
 
 def chunks(out: Path) -> int:
@@ -69,7 +71,7 @@ def whole(out: Path, fields: int) -> list[bytes]:
     return [(out / name).read_bytes() for name in NAMES]
 
 
-def test_a_killed_run_is_gone_on_with(tmp_path: Path, begun: list[subprocess.Popen[str]]) -> None:
+def test_a_killed_run_is_gone_on_with(tmp_path: Path, begun: list[subprocess.Popen[bytes]]) -> None:
     out = tmp_path / "killed"
     run = start(out, "sparse/train:0-39")
     begun.append(run)
@@ -80,6 +82,20 @@ def test_a_killed_run_is_gone_on_with(tmp_path: Path, begun: list[subprocess.Pop
     assert [path.name for path in out.iterdir()] == [WORK]
     assert whole(out, 40) == whole(tmp_path / "whole", 40)
     assert not (out / WORK).exists()
+
+
+@pytest.mark.slow
+def test_workers_end_with_the_run_that_is_killed(
+    tmp_path: Path, begun: list[subprocess.Popen[bytes]]
+) -> None:
+    out = tmp_path / "killed"
+    run = start(out, "sparse/train:0-399", "--workers", "2")
+    begun.append(run)
+    assert until(lambda: chunks(out) > 5 or run.poll() is not None, 60.0)
+    below = children(run.pid)
+    assert len(below) == 2
+    run.kill()
+    assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below))
 
 
 @pytest.mark.slow
@@ -107,7 +123,7 @@ def test_a_worker_that_is_killed_is_replaced(
 
 @pytest.mark.slow
 def test_an_interruption_leaves_work_to_go_on_with_and_no_traces(
-    tmp_path: Path, begun: list[subprocess.Popen[str]]
+    tmp_path: Path, begun: list[subprocess.Popen[bytes]]
 ) -> None:
     for workers in ("1", "2"):
         out = tmp_path / workers
@@ -116,7 +132,8 @@ def test_an_interruption_leaves_work_to_go_on_with_and_no_traces(
         assert until(lambda: chunks(out) > 1 or run.poll() is not None, 60.0)  # noqa: B023
         below = children(run.pid)
         os.killpg(run.pid, signal.SIGINT)  # as a terminal does
-        _, said = run.communicate(timeout=30)
+        run.wait(timeout=30)
+        said = said_by(out).read_text()
         assert run.returncode == 130, said
         assert "Traceback" not in said
         assert said.splitlines()[-2:] == [
@@ -130,10 +147,10 @@ def test_an_interruption_leaves_work_to_go_on_with_and_no_traces(
 
 @pytest.mark.slow
 def test_killed_at_twenty_random_moments_the_results_are_those_of_an_uninterrupted_run(
-    tmp_path: Path, begun: list[subprocess.Popen[str]]
+    tmp_path: Path, begun: list[subprocess.Popen[bytes]]
 ) -> None:
     number = 1000
-    out, stream, moments, orphans = tmp_path / "killed", random.Random(8), 0, set[int]()
+    out, stream, moments = tmp_path / "killed", random.Random(8), 0
     while moments < 20:
         run = start(out, f"sparse/train:0-{number - 1}", "--workers", "2")
         begun.append(run)
@@ -144,7 +161,6 @@ def test_killed_at_twenty_random_moments_the_results_are_those_of_an_uninterrupt
             if run.poll() is not None:
                 break
             below = children(run.pid)
-            orphans.update(below)
             pid = run.pid if victim == "main" else stream.choice(below or [0])
             if pid and moments < 20:
                 os.kill(pid, signal.SIGKILL)
@@ -156,5 +172,4 @@ def test_killed_at_twenty_random_moments_the_results_are_those_of_an_uninterrupt
             assert (out / WORK).exists(), f"finished after {moments} kills: need more fields"
     for run in begun:
         run.wait()
-    assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in orphans))
     assert whole(out, number) == whole(tmp_path / "whole", number)
