@@ -229,10 +229,21 @@ def _on_dask(
                     f"lost the dask scheduler at {backend.address}; the same command goes on where "
                     "this one stopped"
                 )
-            if any(future.status in ("error", "lost") for future in [*client.futures.values()]):
-                raise WorkerDiedError
+            for future in [*client.futures.values()]:
+                if future.status == "error":
+                    raise _what_failed(backend, future.exception)
 
         yield from _watched_over(parallel, (delayed(fly_task)(task) for task in tasks), pulse)
+
+
+def _what_failed(backend: Backend, error: BaseException | None) -> Exception:
+    """Why a task came to no end: its worker died, or could not even begin."""
+    if type(error).__name__ == "KilledWorker":
+        return WorkerDiedError()
+    return OSError(
+        f"a worker of {backend.address} could not take its task ({type(error).__name__}: {error}); "
+        "is the same version of this package installed there?"
+    )
 
 
 def _watched_over(

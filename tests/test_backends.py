@@ -1,5 +1,6 @@
 """Who flies: a Dask cluster on this machine, and what is refused before any work starts."""
 
+import os
 import socket
 import subprocess
 import sys
@@ -41,7 +42,9 @@ def free_port() -> int:
 @contextmanager
 def process(place: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     with (place / f"{words[0]}.log").open("ab") as log:
-        run = subprocess.Popen([sys.executable, "-m", *words], stdout=log, stderr=log, cwd=place)
+        command = [sys.executable, "-m", *words]
+        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
+        run = subprocess.Popen(command, stdout=log, stderr=log, cwd=place, env=environment)
     try:
         yield run
     finally:
