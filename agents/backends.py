@@ -19,7 +19,7 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 
 from agents.evaluation_chunks import Answer, Task, end_with, fly_task
-from agents.interruptions import uninterrupted
+from agents.interruptions import put_off, uninterrupted
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
 BACKENDS = (PROCESSES, DASK, RAY)
@@ -148,7 +148,10 @@ def flying(backend: Backend) -> Iterator[Callable[..., Iterator[Answer]]]:
 
 def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterator[Answer]:
     if workers == 1:
-        yield from map(fly_task, tasks)
+        for task in tasks:
+            with put_off() as look:
+                answer = fly_task(task, look)
+            yield answer
         return
     parallel = Parallel(
         n_jobs=workers,

@@ -11,7 +11,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -93,15 +93,19 @@ def alone(task: Task) -> list[Task]:
     ]
 
 
-def fly_task(task: Task) -> Answer:
+def fly_task(task: Task, look: Callable[[], None] = lambda: None) -> Answer:
     """Fly a task: a function of it but for its times, wherever it is flown.
+
+    Args:
+        task: which flights.
+        look: called after each flight; may raise, to stop.
 
     Raises:
         ValueError: an agent that cannot be loaded here.
     """
     with _ONE_AT_A_TIME:
         compile_kernels()
-        flown = _batch(task) if is_batched(task.policy) else _one_by_one(task)
+        flown = _batch(task) if is_batched(task.policy) else _one_by_one(task, look)
         return Answer(
             chunk=task.chunk,
             flown=records.pack(flown),
@@ -110,7 +114,7 @@ def fly_task(task: Task) -> Answer:
         )
 
 
-def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
+def _one_by_one(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
     flown = []
     for (source, seed), drawn in zip(task.flights, task.drawn, strict=True):
         field = field_of(source)
@@ -120,6 +124,7 @@ def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
             error.add_note(f"while {task.policy} flew the field {field.name}, seed {seed}")
             raise
         flown.append((record_of(flight), trace_of(flight, drawn)))
+        look()
     return flown
 
 

@@ -62,7 +62,7 @@ def stub(policy: str, field: str, seed: int) -> tuple[Record, Trace]:
     return record, Trace(control=control, refused=refused, windows=windows)
 
 
-def stubs(task: Task) -> list[tuple[Record, Trace]]:
+def stubs(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
     return [stub(task.policy, name_of(source), seed) for source, seed in task.flights]
 
 
@@ -237,7 +237,7 @@ def test_results_that_are_there_are_not_flown_again(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(evaluation_chunks, "_one_by_one", lambda _: 1 / 0)
+    monkeypatch.setattr(evaluation_chunks, "_one_by_one", lambda *_: 1 / 0)
     evaluation.run(REQUEST, tmp_path / "whole", ALONE)
     assert "holds these results already; --fresh flies again" in capsys.readouterr().out
     assert contents(tmp_path / "whole") == whole
