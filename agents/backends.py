@@ -285,7 +285,8 @@ def _watched_over(
 def _ray(backend: Backend) -> Iterator[None]:
     ray: Any = importlib.import_module("ray")
     importlib.import_module("ray.util.joblib").register_ray()
-    ray.init(address=backend.address, ignore_reinit_error=True, log_to_driver=False)
+    logging.getLogger("ray").setLevel(logging.ERROR)
+    ray.init(address=backend.address, log_to_driver=False, logging_level=logging.ERROR)
     try:
         yield
     finally:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -102,12 +101,12 @@ class Work:
             )
 
     def remove(self) -> None:
-        """Remove the directory."""
-        for again in (True, True, False):  # a worker that outlived its run may write into it
-            shutil.rmtree(self.place, ignore_errors=again)
-            if not self.place.exists():
-                return
-            time.sleep(0.1)
+        """Remove the directory: at once, then what was in it."""
+        gone = self.place.with_name(f"{WORK}-gone")
+        shutil.rmtree(gone, ignore_errors=True)
+        if self.place.exists():
+            self.place.rename(gone)  # half a directory would be taken for unfinished work
+            shutil.rmtree(gone)
 
 
 def check(work: Work) -> bool:

@@ -144,6 +144,15 @@ def test_a_scheduler_without_workers_is_told(
             backends.check(Backend(name="dask", address=address))
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # its own
+def test_ray_flies_the_same_flights(tmp_path: Path) -> None:
+    pytest.importorskip("ray")
+    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    evaluation.run(REQUEST, tmp_path / "there", Backend(name="ray"))
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
 @pytest.mark.parametrize(
     ("words", "told"),
     [

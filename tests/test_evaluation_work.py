@@ -246,6 +246,20 @@ def test_results_that_are_there_are_not_flown_again(
 
 
 @pytest.mark.usefixtures("stubbed")
+def test_killed_while_it_clears_up_the_results_are_there(
+    whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = tmp_path / "results"
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluation_work.shutil, "rmtree", lambda place, **_: place.exists() and 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            evaluation.run(REQUEST, directory, ALONE)
+    assert evaluation_work.check(Work(directory, REQUEST))
+    evaluation.run(REQUEST, directory, ALONE)
+    assert contents(directory) == whole
+
+
+@pytest.mark.usefixtures("stubbed")
 def test_a_damaged_chunk_is_told(tmp_path: Path) -> None:
     work = Work(tmp_path, REQUEST)
     work.begin()
