@@ -157,7 +157,7 @@ def test_killed_at_twenty_random_moments_the_results_are_those_of_an_uninterrupt
         before = chunks(out)
         assert until(lambda: chunks(out) > before or run.poll() is not None, 60.0)  # noqa: B023
         for victim in stream.sample(["worker", "worker", "main"], 3):
-            time.sleep(stream.uniform(0.0, 0.5))
+            time.sleep(stream.uniform(0.0, 0.3))
             if run.poll() is not None:
                 break
             below = children(run.pid)
