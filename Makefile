@@ -7,7 +7,7 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 
 run: .venv/installed-base  ## fly the paper's planner through its four fields
 	$(BIN)/ferguson evaluate --policy single-start --policy multi-start \
-		--fields paper:1-4 --out results/paper --workers 2
+		--fields paper:1-4 --out results/paper --workers 2 --fresh
 
 test: .venv/installed-dev  ## the tests, without those that need minutes
 	$(BIN)/pytest

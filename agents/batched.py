@@ -98,6 +98,8 @@ class BatchFlight:
     """Segments (n, 4, 2) flown, as far as it got."""
     clearance: float
     """Least clearance along what was flown [m]."""
+    refused: Array | None = None
+    """The segment (4, 2) that ended the flight without being flown, if one did."""
 
     @property
     def success(self) -> bool:
@@ -164,6 +166,7 @@ def _fly(model: Model, fields: Sequence[Field], num: int) -> list[BatchFlight]:
                 outcome=Outcome.from_code(int(infos["outcome"][i])),
                 control=envs.control(i),
                 clearance=float(infos["clearance"][i]),
+                refused=envs.refused(i),
             )
             flown[i] = next(waiting, -1)
         if ended.any():

@@ -13,13 +13,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NoReturn
 
-from agents import bench_commands, demos_command, train_command
-from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seed, seeds
+from agents import bench_commands, demos_command, evaluate_command, train_command
+from agents.arguments import DONE, Job, seed
 from ferguson_gym import __version__
-from ferguson_gym.catalog import GRAMMAR, one, select
-from ferguson_gym.fields import Field
+from ferguson_gym.catalog import GRAMMAR, one
 from ferguson_gym.flight import depart
-from planners.catalog import OPTIONS, PLANNERS, named
+from planners.catalog import PLANNERS, named
 
 NO_PATH, BAD_INPUT, INTERRUPTED = 1, 2, 130
 
@@ -114,41 +113,16 @@ def _parser() -> argparse.ArgumentParser:
         help="fly policies through the same fields",
         description=(
             "Fly every policy through the same fields in the environment; print the table and "
-            "write flights.csv, timings.csv, paths.npz and pictures."
+            "write flights.csv, timings.csv, paths.npz, summary.json and pictures. Flights do not "
+            "depend on who flies them. Interrupted, the same command goes on; where the results "
+            "are there already, it flies nothing."
         ),
         epilog=(
             "example: ferguson evaluate --policy multi-start --fields paper:1-4 --seeds 0-9 "
             "--out results/paper"
         ),
     )
-    evaluate.add_argument(
-        "--policy",
-        action="append",
-        required=True,
-        metavar="P",
-        help=f"a planner ({names}), with options {OPTIONS}; an agent that is shipped (best is the "
-        "best of them), or the directory of one that was trained; single-start and multi-start "
-        "with +from=POLICY, which starts from that policy's proposals; any policy that decides "
-        "step by step with +shield, where guided takes over doubtful steps; may be given several "
-        "times",
-    )
-    evaluate.add_argument(
-        "--fields",
-        action="append",
-        required=True,
-        metavar="SPEC",
-        help="for example standard/validation:0-9; may be given several times",
-    )
-    evaluate.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
-    )
-    evaluate.add_argument(
-        "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="policy seeds; default: 0"
-    )
-    evaluate.add_argument(
-        "--workers", type=positive, default=1, metavar="N", help="worker processes; default: 1"
-    )
-    evaluate.set_defaults(prepare=_prepare_evaluate)
+    evaluate_command.add_to(evaluate)
 
     animate = commands.add_parser(
         "animate",
@@ -223,26 +197,6 @@ def _prepare_plan(options: argparse.Namespace) -> Job:
         if options.plot is not None:
             report.draw(options.plot)
         return DONE if report.plan.success else NO_PATH
-
-    return job
-
-
-def _prepare_evaluate(options: argparse.Namespace) -> Job:
-    from agents import evaluation
-    from agents.policies import make_policy
-
-    for policy in options.policy:
-        make_policy(policy)
-    fields: list[Field] = [field for spec in options.fields for field in select(spec)]
-    for field in fields:
-        depart(field)
-    refuse_twice("policy", options.policy)
-    refuse_twice("field", [field.name for field in fields])
-    check_directory(options.out)
-
-    def job() -> int:
-        evaluation.evaluate(options.policy, fields, options.seeds, options.out, options.workers)
-        return DONE
 
     return job
 

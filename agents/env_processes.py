@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from multiprocessing import resource_tracker
 from typing import Any
 
 import gymnasium as gym
+
+from agents.interruptions import uninterrupted
 
 
 @contextmanager
@@ -18,7 +18,7 @@ def in_processes(makers: Sequence[Callable[[], gym.Env[Any, Any]]]) -> Iterator[
 
     envs = None
     try:
-        with _uninterrupted():
+        with uninterrupted():
             # spawned, for a process with threads must not be forked
             envs = SubprocVecEnv(list(makers), start_method="spawn")
         yield envs
@@ -31,22 +31,3 @@ def in_processes(makers: Sequence[Callable[[], gym.Env[Any, Any]]]) -> Iterator[
                 process.join()
                 pipe.close()
             envs.closed = True
-
-
-@contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Put an interruption off; processes started meanwhile never see one, and print nothing."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
-        return
-    asked: list[int] = []
-    resource_tracker.ensure_running()  # to start it later would let interruptions through
-    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; the handler is not
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
-        signal.signal(signal.SIGINT, before)
-    if asked:
-        raise KeyboardInterrupt

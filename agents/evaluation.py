@@ -2,65 +2,169 @@
 
 from __future__ import annotations
 
-import itertools
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
-from joblib import Parallel, delayed
+import numpy as np
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from agents import results, tables
-from agents.flights import Flight, fly_by_name
+from agents import evaluation_work, provenance, results, tables
+from agents.backends import Backend
+from agents.evaluation_chunks import to_draw
+from agents.evaluation_request import Request, Source, field_of
+from agents.evaluation_work import Work
+from agents.flights import Flight
 from agents.pictures import draw_flights, picture_of
-from ferguson_gym.fields import Field
+from agents.records import Record, flight_of
+from ferguson_gym.arrays import Array
+from ferguson_gym.files import written_whole
 
-PANELS = 4
-"""Fields drawn in a policy's picture, the first ones."""
-
-
-def flights(
-    policies: Sequence[str], fields: Sequence[Field], seeds: Sequence[int], workers: int
-) -> Iterator[Flight]:
-    """Fly every policy, field and seed, in this order whatever the number of workers."""
-    tasks = itertools.product(policies, fields, seeds)
-    parallel = Parallel(n_jobs=workers, return_as="generator")
-    flown: Iterator[Flight] = parallel(delayed(fly_by_name)(*task) for task in tasks)
-    return flown
+FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", "report.html")
+"""What a directory of results may hold beside pictures."""
 
 
 def evaluate(
     policies: Sequence[str],
-    fields: Sequence[Field],
+    fields: Sequence[Source],
     seeds: Sequence[int],
     directory: Path,
     workers: int = 1,
-) -> list[Flight]:
-    """Fly, write the results into a directory, draw the first fields, print the tables."""
+) -> None:
+    """As `run`, with processes on this machine."""
+    request = Request(policies=policies, fields=fields, seeds=seeds)
+    run(request, directory, Backend(workers=workers))
+
+
+def run(
+    request: Request,
+    directory: Path,
+    backend: Backend,
+    *,
+    together: int | None = None,
+    command: str | None = None,
+    fresh: bool = False,
+) -> None:
+    """Fly what is missing, write the results into a directory, print the tables.
+
+    Where the results are there already, nothing is flown.
+
+    Args:
+        request: which flights.
+        directory: of the results; made if need be.
+        backend: who flies.
+        together: flights of an agent that are in the air at a time; None: a good number.
+        command: that does the same again.
+        fresh: whether to start over, whatever lies there.
+
+    Raises:
+        ValueError: the directory holds something else.
+        OSError: a worker died again and again, the scheduler was lost, or the disk refuses.
+        KeyboardInterrupt: what is finished is kept, and flown on by the same call.
+    """
     directory.mkdir(parents=True, exist_ok=True)
-    number = len(policies) * len(fields) * len(seeds)
-    flown: list[Flight] = []
-    with _progress() as progress:
-        task = progress.add_task("flights", total=number)
-        for flight in flights(policies, fields, seeds, workers):
-            flown.append(flight)
-            progress.advance(task)
-    results.write(directory, flown)
-    for policy in policies:
-        shown = [f for f in flown if f.policy == policy and f.seed == seeds[0]][:PANELS]
-        title = f"{policy}, policy seed {seeds[0]}"
-        draw_flights(shown, directory / picture_of(policy), title=title)
+    work = Work(directory, request)
+    if fresh:
+        _clear(work)
     console = tables.console()
+    if evaluation_work.check(work):
+        work.remove()
+        conclude(directory)
+        console.print(f"{directory} holds these results already; --fresh flies again", markup=False)
+        return
+    with _progress() as progress:
+        task = progress.add_task("flights", total=request.flights)
+        missing = work.begin()
+        progress.advance(task, request.flights - sum(map(len, missing)))
+        for done in evaluation_work.fly(work, missing, backend, together):
+            progress.advance(task, done)
+    flown = _write(work)
+    made = {"command": command, "backend": backend.name, "workers": backend.workers}
+    _summarise(work, flown, made | {"batch": together})
+    names = sorted(path.name for path in work.staging.iterdir())
+    for name in sorted(names, key="summary.json".__eq__):  # which vouches for the others
+        (work.staging / name).replace(directory / name)
+    work.remove()
     console.print(tables.summary(flown))
-    if (shields := tables.shields(flown)) is not None:
-        console.print(shields)
-    if (paper := tables.paper_table(flown)) is not None:
-        console.print(paper)
-    pictures = ", ".join(map(picture_of, policies))
-    console.print(
-        f"wrote flights.csv, timings.csv, paths.npz, {pictures} to {directory}", markup=False
-    )
+    for table in (tables.shields(flown), tables.paper_table(flown)):
+        if table is not None:
+            console.print(table)
+    console.print(f"wrote {', '.join(names)} to {directory}", markup=False)
+
+
+def conclude(directory: Path) -> dict[str, Any]:
+    """What is made of flights.csv, timings.csv and paths.npz of a directory; joins its summary."""
+    # statistics.summarise(directory) and report.write_report(directory) belong here
+    return {}
+
+
+def _write(work: Work) -> list[Record]:
+    """Write files and pictures where they wait to be moved into their place."""
+    work.staging.mkdir(exist_ok=True)
+    flown = list(results.write_flights(work.staging, work.records()))
+    results.write_paths(work.staging / "paths.npz", flown, _controls(work))
+    for policy in work.request.policies:
+        title = f"{policy}, policy seed {work.request.seeds[0]}"
+        draw_flights(_drawn(work, policy), work.staging / picture_of(policy), title=title)
     return flown
+
+
+def _controls(work: Work) -> Iterator[Array]:
+    for chunk in work.request.chunks:
+        with work.kept(chunk) as packed:
+            yield packed["control"]
+
+
+def _drawn(work: Work, policy: str) -> list[Flight]:
+    """The first flights of a policy, to be drawn."""
+    chunks = [chunk for chunk in work.request.chunks if chunk.policy == policy]
+    flights = []
+    for index in to_draw(work.request):
+        (chunk,) = (one for one in chunks if one.first <= index < one.last)
+        field = field_of(work.request.flight(index)[0])
+        flights.append(flight_of(*work.trace(chunk, index), field))
+    return flights
+
+
+def _summarise(work: Work, flown: Sequence[Record], made: dict[str, Any]) -> None:
+    """Write summary.json: how the results were made, and what came out."""
+    summary = {
+        **made,
+        "configuration": work.request.configuration,
+        "machine": provenance.facts(),
+        "flights": len(flown),
+        "policies": [_told(work.request, policy, flown) for policy in work.request.policies],
+        **conclude(work.staging),
+    }
+    summary["files"] = sorted({"summary.json", *(path.name for path in work.staging.iterdir())})
+    with written_whole(work.staging / "summary.json") as temporary:
+        temporary.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", "utf-8")
+
+
+def _told(request: Request, policy: str, flown: Sequence[Record]) -> dict[str, Any]:
+    """Of a policy, its part of the summary; times are in seconds."""
+    mine = [flight for flight in flown if flight.policy == policy]
+    asked = np.concatenate([flight.decision_seconds for flight in mine])
+    return {
+        "policy": policy,
+        "models": request.configuration["policies"][policy],
+        "stopped_by_clock": provenance.stopped_by_clock(policy),
+        "flight_seconds": sum(flight.seconds for flight in mine),
+        "decisions_timed": len(asked),
+        "decision_seconds_median": float(np.median(asked)) if len(asked) else None,
+        "decision_seconds_99": float(np.quantile(asked, 0.99)) if len(asked) else None,
+    }
+
+
+def _clear(work: Work) -> None:
+    """Remove unfinished work, and results."""
+    work.remove()
+    listed = evaluation_work.read(work.results / "summary.json").get("files", [])
+    for name in {*FILES, *(name for name in listed if isinstance(name, str))}:
+        if Path(name).name == name:
+            (work.results / name).unlink(missing_ok=True)
 
 
 def _progress() -> Progress:

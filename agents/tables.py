@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from agents.flights import Flight
 from agents.hands import Hand, share_handed_over
-from ferguson_gym.paper import TABLE_I, is_from_paper
+from agents.records import Record
+from ferguson_gym.paper import TABLE_I
 from planners.interface import Decision
 
 _NONE = "-"
@@ -48,7 +48,7 @@ def _median(values: Sequence[float | None], digits: int, scale: float = 1.0) -> 
     return f"{np.median(known):.{digits}f}" if known else _NONE
 
 
-def summary(flights: Sequence[Flight]) -> Table:
+def summary(flights: Sequence[Record]) -> Table:
     """A row for each policy; length, gap and segments are medians over its successes."""
     table = empty_table(
         "Evaluation",
@@ -67,7 +67,7 @@ def summary(flights: Sequence[Flight]) -> Table:
     for policy in dict.fromkeys(flight.policy for flight in flights):
         flown = [flight for flight in flights if flight.policy == policy]
         arrived = [flight for flight in flown if flight.success]
-        steps = [seconds for flight in flown for seconds in flight.decision_seconds]
+        steps = np.concatenate([flight.decision_seconds for flight in flown])
         table.add_row(
             Text(policy),
             str(len(flown)),
@@ -75,14 +75,14 @@ def summary(flights: Sequence[Flight]) -> Table:
             f"{np.mean([flight.path_share for flight in flown]):.4f}",
             _median([flight.length for flight in arrived], 2),
             _median([flight.gap for flight in arrived], 2, 100.0),
-            _median([len(flight.control) for flight in arrived], 0),
-            _median(steps, 1, 1000.0),
+            _median([flight.segments for flight in arrived], 0),
+            _median(steps.tolist(), 1, 1000.0),
             _median([flight.seconds for flight in flown], 2),
         )
     return table
 
 
-def shields(flights: Sequence[Flight]) -> Table | None:
+def shields(flights: Sequence[Record]) -> Table | None:
     """How much of their flights shielded policies handed over, and why; None if none was."""
     table = empty_table(
         "Steps handed over by the shield",
@@ -108,9 +108,9 @@ def shields(flights: Sequence[Flight]) -> Table | None:
     return table if table.row_count else None
 
 
-def paper_table(flights: Sequence[Flight]) -> Table | None:
+def paper_table(flights: Sequence[Record]) -> Table | None:
     """Flights through the paper's fields beside its Table I; None if there are none."""
-    known = [flight for flight in flights if is_from_paper(flight.field)]
+    known = [flight for flight in flights if flight.from_paper]
     if not known:
         return None
     table = empty_table(
@@ -123,12 +123,12 @@ def paper_table(flights: Sequence[Flight]) -> Table | None:
         "shortest",
         caption="medians over successes (-: none); N/A: the paper found no path",
     )
-    pairs = dict.fromkeys((flight.policy, flight.field.name) for flight in known)
+    pairs = dict.fromkeys((flight.policy, flight.field) for flight in known)
     for policy, name in pairs:
-        flown = [f for f in known if (f.policy, f.field.name) == (policy, name)]
+        flown = [f for f in known if (f.policy, f.field) == (policy, name)]
         arrived = [flight for flight in flown if flight.success]
         cells = [
-            _median([len(f.control) for f in arrived], 0),
+            _median([f.segments for f in arrived], 0),
             _median([f.evaluations for f in arrived], 0),
             _median([f.length for f in arrived], 4),
         ]

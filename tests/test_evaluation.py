@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from agents.evaluation import evaluate
-from agents.flights import Flight
+from agents.flights import fly_by_name
+from agents.records import record_of
 from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
 from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import select
@@ -24,9 +25,10 @@ FIELDS = [*select("sparse/train:0-2"), *select("paper:4"), HEAD_ON]
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[Flight]]:
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
     directory = tmp_path_factory.mktemp("one") / "results"
-    return directory, evaluate(["single-start"], FIELDS, range(2), directory)
+    evaluate(["single-start"], FIELDS, range(2), directory)
+    return directory
 
 
 def rows(path: Path) -> list[dict[str, str]]:
@@ -35,9 +37,9 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def test_flights_csv_has_a_row_for_every_policy_field_and_seed(
-    run: tuple[Path, list[Flight]],
+    run: Path,
 ) -> None:
-    table = rows(run[0] / "flights.csv")
+    table = rows(run / "flights.csv")
     assert tuple(table[0]) == FLIGHT_COLUMNS
     keys = [(row["policy"], row["field"], row["seed"]) for row in table]
     assert keys == [("single-start", f.name, str(s)) for f in FIELDS for s in range(2)]
@@ -45,9 +47,9 @@ def test_flights_csv_has_a_row_for_every_policy_field_and_seed(
     assert {row["outcome"] for row in table if row["field"] == "head-on"} == {"gave_up"}
 
 
-def test_rows_agree_with_the_paths(run: tuple[Path, list[Flight]]) -> None:
-    paths = np.load(run[0] / "paths.npz")
-    table = rows(run[0] / "flights.csv")
+def test_rows_agree_with_the_paths(run: Path) -> None:
+    paths = np.load(run / "paths.npz")
+    table = rows(run / "flights.csv")
     offsets = paths["offsets"]
     assert len(offsets) == len(table) + 1
     assert offsets[-1] == len(paths["control"])
@@ -67,8 +69,8 @@ def test_rows_agree_with_the_paths(run: tuple[Path, list[Flight]]) -> None:
         assert success == bool((control[-1:, 1] == field.goal).all(axis=1).any())
 
 
-def test_gaps_are_given_for_flights_that_arrived(run: tuple[Path, list[Flight]]) -> None:
-    for row in rows(run[0] / "flights.csv"):
+def test_gaps_are_given_for_flights_that_arrived(run: Path) -> None:
+    for row in rows(run / "flights.csv"):
         field = next(f for f in FIELDS if f.name == row["field"])
         assert float(row["exact_length"]) == exact_length(field) >= field.distance
         assert (row["gap"] == "") == (row["success"] == "0")
@@ -77,44 +79,45 @@ def test_gaps_are_given_for_flights_that_arrived(run: tuple[Path, list[Flight]])
             assert float(row["gap"]) == ratio - 1.0 >= -1e-6
 
 
-def test_without_a_shortest_path_there_is_no_gap(run: tuple[Path, list[Flight]]) -> None:
+def test_without_a_shortest_path_there_is_no_gap() -> None:
     # between start and goal a wall from bound to bound
     closed = Field(
         name="closed", obstacles=Discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
     )
-    flight = replace(run[1][0], field=closed)
+    flight = record_of(replace(fly_by_name("single-start", FIELDS[0], 0), field=closed))
     assert flight.exact_length is None
     assert flight.gap is None
     assert flight_row(flight)[6:8] == ["", ""]
 
 
-def test_timings_have_the_same_keys(run: tuple[Path, list[Flight]]) -> None:
-    timings = rows(run[0] / "timings.csv")
+def test_timings_have_the_same_keys(run: Path) -> None:
+    timings = rows(run / "timings.csv")
     assert tuple(timings[0]) == TIMING_COLUMNS
     keys = ("policy", "field", "seed")
     assert [[row[key] for key in keys] for row in timings] == [
-        [row[key] for key in keys] for row in rows(run[0] / "flights.csv")
+        [row[key] for key in keys] for row in rows(run / "flights.csv")
     ]
     for row in timings:
         assert 0.0 <= float(row["decision_seconds_median"]) <= float(row["decision_seconds_max"])
         assert float(row["decision_seconds_max"]) <= float(row["seconds"])
 
 
-def test_two_workers_write_the_same_flights(run: tuple[Path, list[Flight]], tmp_path: Path) -> None:
+def test_two_workers_write_the_same_flights(run: Path, tmp_path: Path) -> None:
     evaluate(["single-start"], FIELDS, range(2), tmp_path, workers=2)
-    assert (tmp_path / "flights.csv").read_bytes() == (run[0] / "flights.csv").read_bytes()
-    one, two = np.load(run[0] / "paths.npz"), np.load(tmp_path / "paths.npz")
+    assert (tmp_path / "flights.csv").read_bytes() == (run / "flights.csv").read_bytes()
+    one, two = np.load(run / "paths.npz"), np.load(tmp_path / "paths.npz")
     for key in one.files:
         np.testing.assert_array_equal(one[key], two[key])
 
 
-def test_pictures_are_written(run: tuple[Path, list[Flight]]) -> None:
-    picture = run[0] / "single-start.png"
+def test_pictures_are_written(run: Path) -> None:
+    picture = run / "single-start.png"
     assert picture.read_bytes().startswith(b"\x89PNG")
-    assert sorted(path.name for path in run[0].iterdir()) == [
+    assert sorted(path.name for path in run.iterdir()) == [
         "flights.csv",
         "paths.npz",
         "single-start.png",
+        "summary.json",
         "timings.csv",
     ]
 

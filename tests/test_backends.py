@@ -1,0 +1,234 @@
+"""Who flies: a Dask cluster on this machine, and what is refused before any work starts."""
+
+import os
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents import backends, evaluation
+from agents.backends import Backend, place_of
+from agents.command_line import main
+from agents.evaluation_request import Request
+from agents.evaluation_work import WORK, Work
+
+NAMES = ("flights.csv", "paths.npz")
+REQUEST = Request(
+    policies=["guided", "single-start"],
+    fields=[f"sparse/train:{k}" for k in range(12)],
+    seeds=range(1),
+    chunk=2,
+)
+
+
+def contents(directory: Path) -> list[bytes]:
+    assert not (directory / WORK).exists()
+    return [(directory / name).read_bytes() for name in NAMES]
+
+
+def free_port() -> int:
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        return int(listening.getsockname()[1])
+
+
+@contextmanager
+def process(place: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
+    with (place / f"{words[0]}.log").open("ab") as log:
+        command = [sys.executable, "-m", *words]
+        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
+        run = subprocess.Popen(command, stdout=log, stderr=log, cwd=place, env=environment)
+    try:
+        yield run
+    finally:
+        run.kill()
+        run.wait()
+
+
+Start = Callable[[], subprocess.Popen[bytes]]
+
+
+@contextmanager
+def cluster(place: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Start]]:
+    """Address and process of a scheduler on loopback, and what starts a worker of it."""
+    pytest.importorskip("distributed")
+    address = f"127.0.0.1:{free_port()}"
+    quiet = ("--host", "127.0.0.1", "--no-dashboard")
+    with ExitStack() as stack:
+        words = ("distributed.cli.dask_scheduler", *quiet, "--port", address.rpartition(":")[2])
+        scheduler = stack.enter_context(process(place, *words))
+
+        def worker() -> subprocess.Popen[bytes]:
+            words = ("distributed.cli.dask_worker", address, *quiet, "--no-nanny")
+            more = ("--nthreads", "2", "--local-directory", str(place))
+            return stack.enter_context(process(place, *words, *more))
+
+        end = time.monotonic() + 60.0
+        while True:
+            try:
+                socket.create_connection(place_of(address), timeout=1.0).close()
+                break
+            except OSError:
+                assert scheduler.poll() is None
+                assert time.monotonic() < end
+                time.sleep(0.1)
+        yield address, scheduler, worker
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(backends, "PATIENCE", 60.0)  # the machine may be busy
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("patient")
+def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    keep = Work.keep
+    with cluster(tmp_path) as (address, _, worker):
+        workers = [worker(), worker()]
+        backend = Backend(name="dask", address=address)
+        backends.check(backend)
+        evaluation.run(REQUEST, tmp_path / "there", backend)
+        assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+        def kill_one(work: Work, chunk: int, flown: Any) -> None:
+            keep(work, chunk, flown)
+            workers[0].kill()
+
+        monkeypatch.setattr(Work, "keep", kill_one)
+        evaluation.run(REQUEST, tmp_path / "again", backend)
+        assert workers[0].poll() is not None
+        assert contents(tmp_path / "again") == contents(tmp_path / "here")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("patient")
+def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep = Work.keep
+    with cluster(tmp_path) as (address, scheduler, worker):
+        worker()
+
+        def kill(work: Work, chunk: int, flown: Any) -> None:
+            keep(work, chunk, flown)
+            scheduler.kill()
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Work, "keep", kill)
+            with pytest.raises(OSError, match=f"lost the dask scheduler at {address}"):
+                evaluation.run(REQUEST, tmp_path / "lost", Backend(name="dask", address=address))
+    assert list((tmp_path / "lost" / WORK).glob("chunk-*"))
+    evaluation.run(REQUEST, tmp_path / "lost", Backend())
+    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    assert contents(tmp_path / "lost") == contents(tmp_path / "here")
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with cluster(tmp_path) as (address, _, _):
+        monkeypatch.setattr(backends, "PATIENCE", 2.0)
+        with pytest.raises(ConnectionError, match=f"at {address} has no workers; start some"):
+            backends.check(Backend(name="dask", address=address))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # its own
+def test_ray_flies_the_same_flights(tmp_path: Path) -> None:
+    pytest.importorskip("ray")
+    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    evaluation.run(REQUEST, tmp_path / "there", Backend(name="ray"))
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--backend", "dask"], "--backend dask needs the --address HOST:PORT of its scheduler"),
+        (["--backend", "dask", "--address", "here"], "an address is HOST:PORT, for example"),
+        (["--backend", "dask", "--address", "a:70000"], "an address is HOST:PORT, for example"),
+        (["--backend", "slurm"], "unknown backend 'slurm'; backends are processes, dask, ray"),
+        (["--address", "10.0.0.1:8786"], "is for a cluster: add --backend dask or ray"),
+        (
+            ["--backend", "dask", "--address", "a:1", "--workers", "2"],
+            "--workers 2 is for processes on this machine",
+        ),
+        (["--batch", "0"], "need a whole number from 1 on"),
+    ],
+)
+def test_arguments_that_do_not_go_together_are_told_in_one_line(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    fields = ["--fields", "paper:1", "--out", str(out)]
+    assert main(["evaluate", "--policy", "guided", *fields, *words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert told in said
+    assert not out.exists()
+
+
+def test_a_scheduler_that_does_not_answer_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed")
+    out, address = tmp_path / "out", f"127.0.0.1:{free_port()}"
+    fields = ["--fields", "paper:1", "--out", str(out)]
+    words = ["--backend", "dask", "--address", address]
+    assert main(["evaluate", "--policy", "guided", *fields, *words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"no dask scheduler at {address} (" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("banner", [b"", b"SSH-2.0-OpenSSH_9.2\r\n"])
+def test_what_listens_there_may_be_no_scheduler(
+    banner: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(backends, "PATIENCE", 0.5)
+
+    def greet(listening: socket.socket) -> None:
+        calling, _ = listening.accept()
+        with calling:
+            calling.sendall(banner)
+            with suppress(OSError):
+                calling.recv(1)  # until it is hung up
+
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        greeter = threading.Thread(target=greet, args=(listening,), daemon=True)
+        greeter.start()
+        address = f"127.0.0.1:{listening.getsockname()[1]}"
+        with pytest.raises(ConnectionError, match=f"no dask scheduler at {address}"):
+            backends.check(Backend(name="dask", address=address))
+        greeter.join()
+
+
+@pytest.mark.parametrize("name", ["dask", "ray"])
+def test_without_its_library_a_backend_says_what_to_install(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(backends.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(ValueError, match=f"--backend {name} needs .*: pip install"):
+        Backend(name=name, address="127.0.0.1:1")
+
+
+def test_addresses() -> None:
+    assert place_of("node-7:8786") == ("node-7", 8786)
+    assert place_of("tcp://10.0.0.1:8786") == ("10.0.0.1", 8786)
+    assert place_of("[::1]:8786") == ("::1", 8786)

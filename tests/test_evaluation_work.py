@@ -1,0 +1,327 @@
+"""Evaluations in chunks: interrupted, resumed, cut otherwise, they give the same files."""
+
+import itertools
+import json
+import math
+import tracemalloc
+import zlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents import evaluation, evaluation_chunks, evaluation_work, records
+from agents.backends import Backend, WorkerDiedError
+from agents.evaluation_chunks import Answer, Task, fly_task
+from agents.evaluation_request import Request, field_of, name_of, spans
+from agents.evaluation_work import WORK, Work
+from agents.hands import Hand
+from agents.records import Record, Trace
+from ferguson_gym.catalog import one, select
+from ferguson_gym.outcome import Outcome
+
+ALONE = Backend()
+HANDS = tuple(Hand)
+ENDS = (Outcome.GOAL_REACHED, Outcome.COLLISION, Outcome.GAVE_UP)
+REQUEST = Request(
+    policies=["guided", "single-start+shield"],
+    fields=[f"sparse/train:{k}" for k in range(7)],
+    seeds=range(3),
+    chunk=4,
+)
+
+
+def stub(policy: str, field: str, seed: int) -> tuple[Record, Trace]:
+    """A flight that never was, of odd values; always the same."""
+    stream = np.random.default_rng(zlib.crc32(f"{policy} {field} {seed}".encode()))
+    shielded = policy.endswith("+shield")
+    segments = int(stream.integers(shielded, 6))
+    record = Record(
+        policy=policy,
+        field=field,
+        seed=seed,
+        from_paper=False,
+        outcome=ENDS[stream.integers(3)],
+        length=float(stream.uniform(100, 200)),
+        exact_length=None if seed == 2 else float(stream.uniform(90, 100)),
+        clearance=float(stream.normal()),
+        segments=segments,
+        min_turn_radius=math.inf if segments == 0 else float(stream.uniform(1, 9)),
+        seconds=1.0,
+        decision_seconds=stream.uniform(size=segments),
+        evaluations=int(stream.integers(1000)),
+        hands=[HANDS[k] for k in stream.integers(0, len(HANDS), segments)] if shielded else [],
+    )
+    windows = [stream.normal(size=(k, 4, 2)) for k in (1, 3)] if seed == 0 else []
+    refused = stream.normal(size=(4, 2)) if seed == 1 else None
+    control = stream.normal(size=(segments, 4, 2))
+    return record, Trace(control=control, refused=refused, windows=windows)
+
+
+def stubs(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
+    return [stub(task.policy, name_of(source), seed) for source, seed in task.flights]
+
+
+@pytest.fixture
+def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(evaluation_chunks, "_one_by_one", stubs)
+    monkeypatch.setattr(evaluation, "draw_flights", lambda _, path, title: path.touch())
+
+
+def contents(directory: Path) -> dict[str, bytes]:
+    """What no clock decides; there must be nothing but results."""
+    assert not (directory / WORK).exists()
+    assert not [path.name for path in directory.iterdir() if path.name.startswith(".")]
+    return {name: (directory / name).read_bytes() for name in ("flights.csv", "paths.npz")}
+
+
+@pytest.fixture
+def whole(stubbed: None, tmp_path: Path) -> dict[str, bytes]:
+    """Of an evaluation that nothing interrupted."""
+    evaluation.run(REQUEST, tmp_path / "whole", ALONE)
+    return contents(tmp_path / "whole")
+
+
+def test_packs_hold_what_is_put_in_and_join() -> None:
+    keys = list(itertools.product(["guided", "guided+shield"], ["a", "b"], range(3)))
+    flown = [stub(*key) for key in keys]
+    halves = [records.pack(flown[:5]), records.pack(flown[5:5]), records.pack(flown[5:])]
+    for packed in (records.pack(flown), records.join(halves)):
+        for (record, trace), found, path in zip(
+            flown, records.records(packed, keys), records.traces(packed), strict=True
+        ):
+            assert np.array_equal(record.decision_seconds, found.decision_seconds)
+            for name in set(Record.__slots__) - {"decision_seconds"}:
+                assert getattr(found, name) == getattr(record, name), name
+            assert np.array_equal(path.control, trace.control)
+            assert (path.refused is None) == (trace.refused is None)
+            if trace.refused is not None and path.refused is not None:
+                assert np.array_equal(path.refused, trace.refused)
+            assert [w.tolist() for w in path.windows] == [w.tolist() for w in trace.windows]
+    with pytest.raises(ValueError):
+        list(records.records(records.pack(flown), keys[1:]))
+
+
+def test_flights_are_in_order_whatever_the_chunks(whole: dict[str, bytes], tmp_path: Path) -> None:
+    rows = whole["flights.csv"].decode().splitlines()[1:]
+    keys = itertools.product(REQUEST.policies, REQUEST.fields, REQUEST.seeds)
+    assert [row.split(",")[:3] for row in rows] == [[p, name_of(f), str(s)] for p, f, s in keys]
+    for size in (1, 3, 7, 1000, None):
+        directory = tmp_path / str(size)
+        evaluation.run(replace(REQUEST, chunk=size), directory, ALONE)
+        assert contents(directory) == whole
+
+
+def test_stopped_after_any_chunk_it_goes_on_to_the_same_files(
+    whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = tmp_path / "results"
+    keep, flown = Work.keep, []
+
+    def stop(work: Work, chunk: int, pack: Any) -> None:
+        keep(work, chunk, pack)
+        flown.append(chunk)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Work, "keep", stop)
+    for _ in REQUEST.chunks:
+        with pytest.raises(KeyboardInterrupt):
+            evaluation.run(REQUEST, directory, ALONE)
+        assert [path.name for path in directory.iterdir()] == [WORK]
+    assert flown == list(range(len(REQUEST.chunks)))
+    # stopped while results are written, too
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluation, "draw_flights", lambda *_, **__: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            evaluation.run(REQUEST, directory, ALONE)
+    assert [path.name for path in directory.iterdir()] == [WORK]
+    evaluation.run(REQUEST, directory, ALONE)
+    assert contents(directory) == whole
+
+
+def dying(dies: Callable[[list[str]], bool]) -> Callable[[Backend], Any]:
+    """A backend whose worker dies with some tasks, told by the fields in them."""
+
+    @contextmanager
+    def flying(_: Backend) -> Iterator[Any]:
+        def run(tasks: Iterator[Task], ahead: int | None = None) -> Iterator[Answer]:
+            tasks = iter(tasks)
+            while held := list(itertools.islice(tasks, ahead or 3)):
+                for task in held:
+                    if dies([name_of(source) for source, _ in task.flights]):
+                        raise WorkerDiedError
+                    yield fly_task(task)
+
+        yield run
+
+    return flying
+
+
+def test_chunks_of_workers_that_died_are_flown_again(
+    whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    stream = np.random.default_rng(0)
+    deaths: list[list[str]] = []
+
+    def dies(names: list[str]) -> bool:
+        if dead := stream.random() < 0.4:
+            deaths.append(names)
+        return bool(dead)
+
+    monkeypatch.setattr(evaluation_work, "flying", dying(dies))
+    evaluation.run(REQUEST, tmp_path / "results", ALONE)
+    assert contents(tmp_path / "results") == whole
+    assert len(deaths) > 3
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_a_flight_that_always_ends_its_worker_is_named_and_the_others_are_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    request = replace(REQUEST, seeds=[5])
+    monkeypatch.setattr(evaluation_work, "flying", dying(lambda names: "sparse/train:2" in names))
+    told = "a worker died 3 times while guided flew the field sparse/train:2, seed 5"
+    with pytest.raises(ChildProcessError, match=told):
+        evaluation.run(request, tmp_path, ALONE)
+    kept = len(list((tmp_path / WORK).glob("chunk-*")))
+    assert kept == len(request.chunks) - len(request.policies)
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_another_configuration_is_refused_and_fresh_starts_over(
+    whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    finished, stopped = tmp_path / "whole", tmp_path / "stopped"
+    with monkeypatch.context() as patch:
+        patch.setattr(Work, "keep", lambda *_: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            evaluation.run(REQUEST, stopped, ALONE)
+    software = {**REQUEST.software, "commit": "another"}
+    others = [
+        ("policies", replace(REQUEST, policies=["guided"])),
+        ("fields", replace(REQUEST, fields=["paper:1"])),
+        ("seeds", replace(REQUEST, seeds=range(2))),
+        ("chunk", replace(REQUEST, chunk=5)),
+        ("commit", replace(REQUEST, software=software)),
+    ]
+    for directory in (finished, stopped):
+        for key, other in others:
+            with pytest.raises(ValueError, match=rf"of another configuration \({key} was .*fresh"):
+                evaluation_work.check(Work(directory, other))
+    assert evaluation_work.check(Work(finished, REQUEST))
+    assert not evaluation_work.check(Work(stopped, REQUEST))
+    (finished / "guided.png").rename(finished / "mine.png")
+    evaluation.run(replace(REQUEST, policies=["guided"]), finished, ALONE, fresh=True)
+    names = {path.name for path in finished.iterdir()}
+    assert names == {
+        "flights.csv",
+        "guided.png",
+        "mine.png",
+        "paths.npz",
+        "summary.json",
+        "timings.csv",
+    }
+    (finished / "summary.json").unlink()
+    with pytest.raises(ValueError, match="holds results that do not say how they were made"):
+        evaluation_work.check(Work(finished, REQUEST))
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_results_that_are_there_are_not_flown_again(
+    whole: dict[str, bytes],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr(evaluation_chunks, "_one_by_one", lambda *_: 1 / 0)
+    evaluation.run(REQUEST, tmp_path / "whole", ALONE)
+    assert "holds these results already; --fresh flies again" in capsys.readouterr().out
+    assert contents(tmp_path / "whole") == whole
+    with pytest.raises(ZeroDivisionError):
+        evaluation.run(REQUEST, tmp_path / "whole", ALONE, fresh=True)
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_killed_while_it_clears_up_the_results_are_there(
+    whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = tmp_path / "results"
+    with monkeypatch.context() as patch:
+        patch.setattr(evaluation_work.shutil, "rmtree", lambda place, **_: place.exists() and 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            evaluation.run(REQUEST, directory, ALONE)
+    assert evaluation_work.check(Work(directory, REQUEST))
+    evaluation.run(REQUEST, directory, ALONE)
+    assert contents(directory) == whole
+
+
+@pytest.mark.usefixtures("stubbed")
+def test_a_damaged_chunk_is_told(tmp_path: Path) -> None:
+    work = Work(tmp_path, REQUEST)
+    work.begin()
+    work.file(3).write_bytes(b"PK")
+    with pytest.raises(OSError, match=r"chunk-[0-9a-f]{12}-0000003\.npz is damaged .*: remove it"):
+        evaluation.run(REQUEST, tmp_path, ALONE)
+
+
+@pytest.mark.usefixtures("stubbed")
+@pytest.mark.parametrize(
+    ("entries", "told"),
+    [
+        ({"versions": {"numpy": "1.0"}}, "a worker has other versions, .*numpy 1.0, not 2"),
+        ({"models": ["abc"]}, "the model of guided is not the same for a worker"),
+    ],
+)
+def test_workers_of_other_software_are_refused(
+    entries: dict[str, Any], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def flying(_: Backend) -> Iterator[Any]:
+        yield lambda tasks, ahead=None: (replace(fly_task(task), **entries) for task in tasks)
+
+    monkeypatch.setattr(evaluation_work, "flying", flying)
+    with pytest.raises(OSError, match=told):
+        evaluation.run(REQUEST, tmp_path, ALONE)
+
+
+def test_names_that_count_on_are_told_together() -> None:
+    names = [*(f"paper:{k}" for k in range(1, 5)), "town", "a:7", "a:8", "a:6", "b:07"]
+    assert spans(names) == ["paper:1-4", "town", "a:7-8", "a:6", "b:07"]
+    assert spans([":0", ":1", ":5"]) == ["0-1", "5"]
+
+
+def test_a_field_in_a_file_is_another_when_it_changes() -> None:
+    fields = list(select("sparse/train:0-1"))
+    named = [replace(field, name="town") for field in fields]
+    requests = [Request(policies=["guided"], fields=[field], seeds=[0]) for field in named]
+    assert requests[0].digest != requests[1].digest
+    again = Request(policies=["guided"], fields=[replace(named[0])], seeds=[0])
+    assert again.digest == requests[0].digest
+    assert field_of("sparse/train:1").obstacles.centers.tolist() == (  # type: ignore[attr-defined]
+        one("sparse/train:1").obstacles.centers.tolist()  # type: ignore[attr-defined]
+    )
+    with pytest.raises(ValueError, match="nothing to fly: no fields"):
+        Request(policies=["guided"], fields=[], seeds=[0])
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("stubbed")
+def test_memory_stays_flat_over_100_000_flights(tmp_path: Path) -> None:
+    request = Request(
+        policies=["guided"], fields=[f"standard/test:{k}" for k in range(100_000)], seeds=[0]
+    )
+    tracemalloc.start()
+    try:
+        evaluation.run(request, tmp_path, ALONE)
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 200e6
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["flights"] == 100_000
+    with (tmp_path / "flights.csv").open() as file:
+        assert sum(1 for _ in file) == 100_001
