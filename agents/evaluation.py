@@ -19,7 +19,10 @@ from agents.evaluation_work import Work
 from agents.flights import Flight
 from agents.pictures import draw_flights, picture_of
 from agents.records import Record, flight_of
+from agents.report import write_report
+from agents.statistics import summarise
 from ferguson_gym.arrays import Array
+from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", "report.html")
@@ -71,7 +74,6 @@ def run(
     console = tables.console()
     if evaluation_work.check(work):
         work.remove()
-        conclude(directory)
         console.print(f"{directory} holds these results already; --fresh flies again", markup=False)
         return
     with _progress() as progress:
@@ -92,12 +94,6 @@ def run(
         if table is not None:
             console.print(table)
     console.print(f"wrote {', '.join(names)} to {directory}", markup=False)
-
-
-def conclude(directory: Path) -> dict[str, Any]:
-    """What is made of flights.csv, timings.csv and paths.npz of a directory; joins its summary."""
-    # statistics.summarise(directory) and report.write_report(directory) belong here
-    return {}
 
 
 def _write(work: Work) -> list[Record]:
@@ -136,11 +132,14 @@ def _summarise(work: Work, flown: Sequence[Record], made: dict[str, Any]) -> Non
         "machine": provenance.facts(),
         "flights": len(flown),
         "policies": [_told(work.request, policy, flown) for policy in work.request.policies],
-        **conclude(work.staging),
+        "statistics": summarise(work.staging),
     }
-    summary["files"] = sorted({"summary.json", *(path.name for path in work.staging.iterdir())})
+    names = {path.name for path in work.staging.iterdir()}
+    summary["files"] = sorted({"summary.json", "report.html", *names})
     with written_whole(work.staging / "summary.json") as temporary:
         temporary.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", "utf-8")
+    drawn = {one.name: one for one in work.request.fields if isinstance(one, Field)}
+    write_report(work.staging, drawn, summary["statistics"])
 
 
 def _told(request: Request, policy: str, flown: Sequence[Record]) -> dict[str, Any]:

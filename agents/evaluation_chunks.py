@@ -19,6 +19,7 @@ import numpy as np
 from agents import provenance, records
 from agents.evaluation_request import Chunk, Request, Source, field_of, is_batched
 from agents.flights import Flight, fly, fly_by_name
+from agents.policies import plain_agent
 from agents.records import Pack, Record, Trace, record_of, trace_of
 from agents.warm_up import compile_kernels, small_field
 
@@ -133,7 +134,7 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
     from agents.pilots import pilot
     from agents.shelf import find
 
-    place = find(task.policy)
+    place = find(plain_agent(task.policy))
     if place is None:
         raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
     ready = pilot(place)

@@ -15,7 +15,7 @@ from itertools import groupby
 from typing import Any
 
 from agents import provenance
-from agents.policies import SHIELDED, is_planner
+from agents.policies import SHIELDED, imagines, is_planner
 from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
 
@@ -38,7 +38,7 @@ def field_of(source: Source) -> Field:
 
 def is_batched(policy: str) -> bool:
     """Whether a policy is an agent alone, which flies many fields at once."""
-    return not policy.endswith(SHIELDED) and not is_planner(policy)
+    return not (policy.endswith(SHIELDED) or is_planner(policy) or imagines(policy))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -139,6 +139,16 @@ def shielded(name: str) -> Shield:
     return Shield(agent)
 
 
+def imagines(name: str) -> bool:
+    """Whether a policy's name is that of an agent that imagines flights."""
+    return not is_planner(name) and TRIES in shelf.meant(name)
+
+
+def plain_agent(name: str) -> str:
+    """The name of the agent in that of a policy, which is no planner's, without its options."""
+    return shelf.meant(name.removesuffix(SHIELDED)).partition(TRIES)[0]
+
+
 def make_policy(name: str) -> Policy:
     """The policy of this name: a planner, a shipped agent, or the path of a trained one.
 

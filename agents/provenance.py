@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from agents import machine, shelf
-from agents.policies import FROM, SHIELDED, is_planner, make_planner
+from agents.policies import FROM, SHIELDED, is_planner, make_planner, plain_agent
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.budget import Seconds
@@ -78,7 +78,7 @@ def _agents(policy: str) -> Iterator[Path]:
         proposer = plain.partition(FROM)[2]
         if proposer:
             yield from _agents(proposer)
-    elif (place := shelf.find(plain)) is not None:
+    elif (place := shelf.find(plain_agent(plain))) is not None:
         yield place
 
 
