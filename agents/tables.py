@@ -90,14 +90,14 @@ def shields(flights: Sequence[Record]) -> Table | None:
         "steps",
         "handed over",
         "untouched flights",
-        "why",
+        "why, most often",
     )
     for policy in dict.fromkeys(flight.policy for flight in flights if flight.hands):
         flown = [flight.hands for flight in flights if flight.policy == policy]
         hands = [hand for steps in flown for hand in steps]
         untouched = sum(share_handed_over(steps) == 0.0 for steps in flown)
         why = Counter(hand for hand in hands if hand is not Hand.AGENT)
-        told = ", ".join(f"{hand.label} {number}" for hand, number in why.most_common())
+        told = ", ".join(f"{hand.label} {number}" for hand, number in why.most_common(3))
         table.add_row(
             Text(policy),
             str(len(hands)),

@@ -116,6 +116,7 @@ def test_pictures_are_written(run: Path) -> None:
     assert sorted(path.name for path in run.iterdir()) == [
         "flights.csv",
         "paths.npz",
+        "report.html",
         "single-start.png",
         "summary.json",
         "timings.csv",

@@ -222,6 +222,7 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
         "guided.png",
         "mine.png",
         "paths.npz",
+        "report.html",
         "summary.json",
         "timings.csv",
     }
