@@ -10,7 +10,7 @@ run: .venv/installed-base  ## fly the paper's planner through its four fields
 		--fields paper:1-4 --out results/paper --workers 2 --fresh
 
 test: .venv/installed-dev  ## the tests, without those that need minutes
-	$(BIN)/pytest
+	$(BIN)/pytest -n 2 --dist loadfile
 
 test-slow: .venv/installed-dev  ## the tests that need minutes
 	$(BIN)/pytest -m slow --timeout 7200

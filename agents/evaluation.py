@@ -74,7 +74,8 @@ def run(
     console = tables.console()
     if evaluation_work.check(work):
         work.remove()
-        console.print(f"{directory} holds these results already; --fresh flies again", markup=False)
+        told = f"{directory} holds these results already; --fresh flies again"
+        console.print(told, markup=False, soft_wrap=True)
         return
     with _progress() as progress:
         task = progress.add_task("flights", total=request.flights)
@@ -93,7 +94,7 @@ def run(
     for table in (tables.shields(flown), tables.paper_table(flown)):
         if table is not None:
             console.print(table)
-    console.print(f"wrote {', '.join(names)} to {directory}", markup=False)
+    console.print(f"wrote {', '.join(names)} to {directory}", markup=False, soft_wrap=True)
 
 
 def _write(work: Work) -> list[Record]:

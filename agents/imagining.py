@@ -109,12 +109,14 @@ def imagine(
     while flights:
         seen = observe(field, [one.vehicle for one in flights], model.settings)
         fresh = stream.normal(size=(len(flights), 4))
-        left = []
-        for one, chosen, new in zip(flights, act(model.policy, seen), fresh, strict=True):
+        actions = act(model.policy, seen)
+        for one, action, new in zip(flights, actions, fresh, strict=True):
             one.disturbance = LASTING * one.disturbance + math.sqrt(1.0 - LASTING**2) * new
-            added = (one.spread * one.disturbance).astype(np.float32)
-            action = np.clip(chosen + added, -1.0, 1.0)
-            step = flight.advance(field, one.vehicle, action)
+            action += one.spread * one.disturbance
+        actions = np.clip(actions, -1.0, 1.0)
+        steps = flight.advance_all(field, [one.vehicle for one in flights], actions)
+        left = []
+        for one, action, step in zip(flights, actions, steps, strict=True):
             one.actions.append(action)
             one.length += float(step.inspection.length)
             if step.outcome is Outcome.GOAL_REACHED:

@@ -130,7 +130,9 @@ def _nothing_to_do(run: Run) -> Job:
 
     def job() -> int:
         console().print(
-            f"{run.directory} holds this training, finished; --fresh starts over", markup=False
+            f"{run.directory} holds this training, finished; --fresh starts over",
+            markup=False,
+            soft_wrap=True,
         )
         return DONE
 

@@ -109,6 +109,7 @@ class Record:
             f"{found.success_high:.2%}), SPL {found.spl:.4f}, {gap}; model.zip, model.json and "
             f"{CURVE} are in {directory}",
             markup=False,
+            soft_wrap=True,
         )
         return card
 

@@ -105,8 +105,20 @@ def check_action(action: ArrayLike, where: str = "") -> Array:
     Raises:
         ValueError: another shape, not finite, or outside [-1, 1]; the message says `where`.
     """
-    given = finite(f"action{where}", action, (4,))
-    if np.abs(given).max() > 1.0:
+    return _within_box(finite(f"action{where}", action, (4,)), action, where)
+
+
+def check_actions(actions: ArrayLike, number: int) -> Array:
+    """Return so many actions (number, 4) in double precision.
+
+    Raises:
+        ValueError: another shape, not finite, or outside [-1, 1].
+    """
+    return _within_box(finite("actions", actions, (number, 4)), actions, "")
+
+
+def _within_box(given: Array, action: ArrayLike, where: str) -> Array:
+    if given.size and np.abs(given).max() > 1.0:
         raise ValueError(
             f"an action lies in [-1, 1], got {np.asarray(action).tolist()}{where}; "
             "clip it, or encode a segment"

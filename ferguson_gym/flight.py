@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.actions import decode, encode
+from ferguson_gym.actions import check_actions, decode, decode_into, encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import Inspection, inspect
 from ferguson_gym.fields import Field
@@ -70,7 +71,47 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
         ValueError: an action of another shape, not finite or outside [-1, 1].
     """
     control = decode(action, state.position, state.derivative, field.goal, limits.gate)
-    inspection = inspect(control, field)
+    return _step(field, state, control, inspect(control, field), limits)
+
+
+def advance_all(
+    field: Field, states: Sequence[State], actions: ArrayLike, limits: Limits = PAPER_LIMITS
+) -> list[Step]:
+    """As `advance`, from n states in one field at once, which takes less time.
+
+    Args:
+        field: that all of them fly.
+        states: n.
+        actions: (n, 4) in [-1, 1].
+        limits: of their segments.
+
+    Raises:
+        ValueError: actions of another shape, not finite or outside [-1, 1].
+    """
+    given = check_actions(actions, len(states))
+    control = np.empty((len(states), 4, 2))
+    for one, action, state in zip(control, given, states, strict=True):
+        decode_into(one, action, state.position, state.derivative, field.goal, limits.gate)
+    found = inspect(control, field)
+    columns = (found.length, found.clearance, found.room, found.speed)
+    return [
+        _step(
+            field,
+            state,
+            one,
+            Inspection(length=length, clearance=clearance, room=room, speed=speed),
+            limits,
+        )
+        for state, one, length, clearance, room, speed in zip(
+            states, control, *columns, strict=True
+        )
+    ]
+
+
+def _step(
+    field: Field, state: State, control: Array, inspection: Inspection, limits: Limits
+) -> Step:
+    """The step that a segment (4, 2) is, after what certification found along it."""
     outcome = inspection.outcome(limits)
     if outcome is Outcome.FLYING:
         state = State(control[1], control[3], state.segments + 1)

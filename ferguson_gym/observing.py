@@ -31,7 +31,8 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
         ValueError: a field that is not planar.
     """
     discs = planar_discs(field)
-    sizes, count = settings.layout.entries(), len(vehicles)
+    layout, most = settings.layout, settings.limits.segments  # made anew each time they are asked
+    sizes, count = layout.entries(), len(vehicles)
     seen = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
     work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
@@ -40,10 +41,10 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
             seen,
             i,
             count,
-            settings.layout,
+            layout,
             vehicle.position,
             vehicle.derivative,
-            1.0 - vehicle.segments / settings.limits.segments,
+            1.0 - vehicle.segments / most,
             field.goal,
             field.bounds,
             columns,

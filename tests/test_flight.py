@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from ferguson_gym.actions import encode
+from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, advance, depart, follow
+from ferguson_gym.flight import State, advance, advance_all, depart, follow
 from ferguson_gym.limits import Limits
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
@@ -222,3 +223,26 @@ def test_outcomes_are_found_by_their_code(outcome):
 def test_unknown_codes_are_refused(code):
     with pytest.raises(ValueError, match=f"no outcome has code {code}; codes run from 0 to 8"):
         Outcome.from_code(code)
+
+
+def test_many_steps_at_once_are_those_taken_alone() -> None:
+    field = one("standard/train:1")
+    stream = np.random.default_rng(0)
+    states, outcomes = [depart(field)] * 8, set()
+    for _ in range(4):
+        actions = stream.uniform(-0.3, 0.3, (len(states), 4)).astype(np.float32)
+        together = advance_all(field, states, actions)
+        for state, action, step in zip(states, actions, together, strict=True):
+            alone = advance(field, state, action)
+            assert step.outcome is alone.outcome
+            np.testing.assert_array_equal(step.control, alone.control)
+            np.testing.assert_array_equal(step.state.position, alone.state.position)
+            assert step.state.segments == alone.state.segments
+            for name in ("length", "clearance", "room", "speed"):
+                assert getattr(step.inspection, name) == getattr(alone.inspection, name)
+        states = [step.state for step in together]
+        outcomes |= {step.outcome for step in together}
+    assert len(outcomes) > 1
+    assert advance_all(field, [], np.empty((0, 4))) == []
+    with pytest.raises(ValueError, match="an action lies in"):
+        advance_all(field, states, np.full((8, 4), 1.5))
