@@ -19,11 +19,11 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 import torch
-from rich.console import Console
 from rich.table import Table
 
-from agents import shelf
+from agents import shelf, tables
 from agents.batched import fly_batch
+from agents.evaluation_request import is_batched
 from agents.flights import fly
 from agents.pilots import pilot
 from agents.policies import Policy, expert, make_policy
@@ -57,14 +57,19 @@ def main() -> None:
     numba.set_num_threads(1)
     torch.set_num_threads(1)
     fields = list(select(given.fields))
-    names = given.policy or ["best", "best+shield", "multi-start+from=best"]
+    names = given.policy or [
+        "best",
+        "dagger-ppo",
+        "best+shield",
+        "multi-start+from=dagger-ppo",
+    ]
     rows = []
     for name in [*names, "guided", "pursuit", "multi-start"]:
         policy = make_policy(name)
         warm_policy(name)
         fly(policy, name, fields[0], 0)
         rows.append((name, *cost(policy, name, fields)))
-        if (place := shelf.find(name)) is not None:
+        if is_batched(name) and (place := shelf.find(name)) is not None:
             model = pilot(place).model
             began = time.process_time()
             flights = fly_batch(model, fields)
@@ -79,7 +84,7 @@ def main() -> None:
         median, most = np.quantile(seconds, [0.5, 0.9])
         cells = (f"{1e3 * median:.1f}", f"{1e3 * most:.1f}", f"{slow / median:,.0f} times that")
         table.add_row(name, str(len(seconds)), str(arrived), *cells)
-    Console().print(table)
+    tables.console().print(table)
 
 
 if __name__ == "__main__":
