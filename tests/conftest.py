@@ -1,6 +1,7 @@
 """Fixtures that several files of tests use."""
 
 import gc
+import signal
 import threading
 from collections.abc import Callable, Iterator
 
@@ -20,3 +21,9 @@ def started() -> Iterator[Callable[[], list[threading.Thread]]]:
     yield mine
     gc.collect()
     assert until(lambda: not mine()), mine()
+
+
+@pytest.fixture(autouse=True, scope="session")
+def interrupts_are_heard() -> None:
+    """Whoever starts tests in the background has them ignore Ctrl-C, and all that they start."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
