@@ -19,7 +19,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -29,37 +28,24 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from agents.flights import Flight, fly_by_name
+from agents.comparison_picture import COLOURS, draw_comparison
+from agents.flights import fly_by_name
 from agents.pictures import check_target
 from agents.policies import make_policy
 from agents.training_record import CURVE
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import select
-from ferguson_gym.drawing import draw_field, style
-from ferguson_gym.fields import Field
+from ferguson_gym.drawing import style
 from ferguson_gym.files import written_whole
-from ferguson_gym.paths import Path as Flown
-from ferguson_gym.splines import evaluate
-from planners.shortest import shortest_path
 
-COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444")
-"""Of runs and policies, in their order; the first four are far apart for the colour-blind too."""
 MARKS = "os^Dv*"
 """Of runs, in their order."""
 WIDTH = 7.4
 """Of a picture [in]: letters of 8 pt are readable where it is shown 900 pixels wide."""
-COLUMNS = 3
-"""Panels of flights in a row, at most."""
 SHARES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0)
 """Marked on the axis of SPL and success."""
-_SIDE, _APART, _TITLE, _LINE = 2.32, 0.11, 0.24, 0.125
-"""Of flights' panels: side, room between them, titles, lines below them [in]."""
 _NEAREST = 0.02
 """How far below 1 the axis stops to stretch."""
-_SHORTEST = {"color": "black", "ls": (0, (1, 1.6)), "lw": 1.0}
-_LETTERS = 39
-"""In the longest line below a panel that is written in letters of 7 pt."""
-_T = np.linspace(0.0, 1.0, 40)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,87 +158,6 @@ def _shrunk(height: ArrayLike) -> Array:
     return 1.0 + _NEAREST - np.exp(-np.asarray(height))
 
 
-def draw_flights(policies: Sequence[str], fields: Sequence[Field], seed: int, out: Path) -> None:
-    """Every policy's flight through every field, those of one field in one panel."""
-    rows = math.ceil(len(fields) / COLUMNS)
-    columns = math.ceil(len(fields) / rows)
-    below = _LINE * (1 + len(policies)) + _APART
-    width = columns * (_SIDE + _APART) + _APART
-    height = rows * (_TITLE + _SIDE + below)
-    with _figure(out, width, height) as figure:
-        for k, field in enumerate(fields):
-            row, column = divmod(k, columns)
-            left = _APART + column * (_SIDE + _APART)
-            bottom = height - row * (_TITLE + _SIDE + below) - _TITLE - _SIDE
-            # by hand: a layout that minds the lists below would shrink the panels for long ones
-            axes = figure.add_axes((left / width, bottom / height, _SIDE / width, _SIDE / height))
-            _draw_panel(axes, field, [fly_by_name(policy, field, seed) for policy in policies])
-
-
-def _draw_panel(axes: Axes, field: Field, flights: Sequence[Flight]) -> None:
-    draw_field(axes, field)
-    axes.tick_params(labelbottom=False, labelleft=False)
-    handles: list[Line2D] = []
-    path = shortest_path(field)
-    if path is not None:
-        axes.plot(*path.points(0.5).T, zorder=7, **_SHORTEST)
-        handles.append(Line2D([], [], label=f"shortest path: {path.length:.2f} m", **_SHORTEST))
-    for k, flight in enumerate(flights):
-        # the later the thinner, so that flights on the same way are all seen
-        look = {"color": COLOURS[k], "lw": 1.5 + 3.0 * (len(flights) - 1 - k) / len(flights)}
-        if len(flight.control):
-            axes.plot(*Flown(flight.control).points().T, zorder=4, solid_capstyle="round", **look)
-        if not flight.success:
-            _draw_failure(axes, flight, COLOURS[k])
-        cross = {} if flight.success else _cross(6.0)
-        handles.append(Line2D([], [], label=_told(flight), **look, **cross))
-    axes.set_title(field.name, parse_math=False)
-    longest = max(len(str(handle.get_label())) for handle in handles)
-    legend = axes.legend(
-        handles=handles,
-        loc="upper left",
-        bbox_to_anchor=(-0.01, 0.0),
-        fontsize=7.0 * min(1.0, _LETTERS / longest),
-        frameon=False,
-        labelspacing=0.25,
-        handlelength=1.6,
-        borderaxespad=0.2,
-        borderpad=0.2,
-    )
-    for text in legend.get_texts():
-        text.set_parse_math(False)
-
-
-def _draw_failure(axes: Axes, flight: Flight, colour: str) -> None:
-    """A cross where a flight ended, and the segment that it would have flown on."""
-    if flight.refused is not None:
-        axes.plot(*evaluate(flight.refused, _T).T, ":", color=colour, lw=1.2, zorder=5)
-    end = flight.control[-1, 1] if len(flight.control) else flight.field.start
-    axes.plot(*end, color=colour, zorder=9, **_cross(8.0))
-
-
-def _cross(size: float) -> dict[str, Any]:
-    return {"marker": "X", "ms": size, "mec": "white", "mew": 0.7}
-
-
-def _told(flight: Flight) -> str:
-    """A flight in a line."""
-    name = _name(flight.policy)
-    if not flight.success:
-        return f"{name}: {flight.outcome.label.replace('_', ' ')}, {flight.length:.1f} m"
-    gap = flight.gap
-    return f"{name}: {flight.length:.2f} m" + ("" if gap is None else f", {100.0 * gap:+.2f} %")
-
-
-def _name(policy: str) -> str:
-    """A policy's name; a path's last part, or the one before if that is a training's `best`."""
-    plain, plus, options = policy.partition("+")
-    place = Path(plain)
-    if place.is_dir():
-        plain = place.resolve().parent.name if place.name == "best" else place.resolve().name
-    return plain + plus + options
-
-
 def _legend(figure: Figure, handles: Sequence[Line2D]) -> None:
     legend = figure.legend(
         handles=handles,
@@ -331,7 +236,10 @@ def main() -> None:
     if given.command == "curves":
         draw_curves(curves, given.reference, given.out)
     else:
-        draw_flights(given.policy, fields, given.seed, given.out)
+        panels = [
+            [fly_by_name(policy, one, given.seed) for policy in given.policy] for one in fields
+        ]
+        draw_comparison(panels, given.out)
     print(f"wrote {given.out}")
 
 
