@@ -1,0 +1,125 @@
+"""An agent of your own: a policy class, and PPO on a reward of your own.
+
+Run it from a checkout with the extra `agents` installed; it trains for half a minute:
+
+    .venv/bin/python examples/own_agent.py
+    .venv/bin/python examples/own_agent.py --steps 500_000 --seed 1 --out results/longer
+
+It shows the two ways into an evaluation:
+
+- `Homing` is a class with `begin` and `act`, all that a policy needs. Wrap a network of any library
+  in one, with any observation that it makes of the field.
+- `Keeping` gives the vector environment another reward, on which Stable-Baselines3 trains. The
+  model is saved beside a card that says what it is and what it sees; then it is a policy by its
+  path, here and for `ferguson evaluate`, as the last line printed shows.
+
+All are flown as every policy is, field by field in the environment, and judged by SPL: the mean of
+success x shortest path / length flown. So short a training is a sign of life and no more;
+docs/learnability.md and docs/agents.md say what learns well.
+"""
+
+import argparse
+from pathlib import Path
+
+import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecEnvWrapper
+
+from agents import models, networks
+from agents.flights import fly
+from agents.policies import Policy, make_policy
+from agents.vec_env import ObstacleFieldVecEnv
+from ferguson_gym import flight
+from ferguson_gym.actions import encode
+from ferguson_gym.catalog import select
+from ferguson_gym.fields import Field
+
+SEEN = {"suite": "sparse", "observation": "rays", "rays": 64, "view": 30.0}
+NETWORK = {"net_arch": [64, 64], "log_std_init": -1.5}  # small actions: most large ones are refused
+LEARNER = {"n_steps": 64, "batch_size": 512, "n_epochs": 8, "learning_rate": 1e-3}
+LEARNER |= {"gamma": 0.9, "gae_lambda": 0.9}  # a collision is the fault of the last segment or two
+
+
+class Homing:
+    """Flies straight at the goal, whatever stands in the way."""
+
+    def begin(self, field: Field, seed: int) -> None:
+        """A flight begins; whatever is drawn at random is drawn from the seed."""
+        self.goal = field.goal
+
+    def act(self, observation: dict[str, np.ndarray], vehicle: flight.State) -> np.ndarray:
+        """The next action (4,): here of a segment; a network would look at the observation."""
+        way = self.goal - vehicle.position
+        step = way * min(1.0, 9.0 / np.linalg.norm(way))
+        segment = [vehicle.position, vehicle.position + step, vehicle.derivative, step]
+        return encode(segment, vehicle.position, vehicle.derivative)
+
+
+class Keeping(VecEnvWrapper):
+    """The environment's reward, less a price for segments that end near an obstacle."""
+
+    def reset(self) -> dict[str, np.ndarray]:
+        """Start all flights."""
+        return self.venv.reset()
+
+    def step_wait(self) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray, list[dict]]:
+        """Fly one segment in each; a flight that ended sees the next one's start, far from all."""
+        observations, rewards, dones, infos = self.venv.step_wait()
+        nearest = SEEN["view"] * observations["rays"].min(axis=1)
+        return observations, rewards - 0.03 * np.maximum(0.0, 3.0 - nearest), dones, infos
+
+
+def train(steps: int, seed: int, directory: Path) -> None:
+    """Train for so many segments and save the model with the card that says what it is."""
+    model = PPO(
+        networks.policy_class("ppo", "mlp"),
+        Keeping(ObstacleFieldVecEnv(64, **SEEN)),
+        policy_kwargs=networks.features("mlp", NETWORK),
+        seed=seed,
+        device="cpu",
+        **LEARNER,
+    )
+    if steps:
+        model.learn(steps)
+    card = models.Card(
+        algorithm="ppo",
+        policy="mlp",
+        policy_kwargs=NETWORK,
+        environment=SEEN,
+        seed=seed,
+        settings=LEARNER,
+    )
+    directory.mkdir(parents=True, exist_ok=True)
+    models.save(directory, model, card)
+
+
+def tell(name: str, policy: Policy, fields: list[Field]) -> float:
+    """Fly all fields and print a line of them; the SPL."""
+    flights = [fly(policy, name, field, seed=0) for field in fields]
+    arrived = sum(flight.success for flight in flights)
+    spl = float(np.mean([flight.path_share for flight in flights]))
+    print(f"{name:16}{arrived:4}/{len(flights)}   SPL {spl:.3f}", flush=True)
+    return spl
+
+
+def main(steps: int, seed: int, fields: str, out: Path) -> None:
+    """Fly a policy that is a class, a network before its training, and after it."""
+    chosen = list(select(fields))
+    print(f"{fields}: arrived, SPL")
+    tell("homing", Homing(), chosen)
+    for name, number in (("untrained", 0), ("own-agent", steps)):
+        train(number, seed, out / name)
+        tell(name, make_policy(str(out / name)), chosen)
+    print(
+        "beside others:\n    .venv/bin/ferguson evaluate "
+        f"--policy {out / name} --policy guided --fields {fields} --out {out / 'compared'} --fresh"
+    )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--steps", type=int, default=200_000, help="segments to train for")
+    parser.add_argument("--seed", type=int, default=0, help="of the training")
+    parser.add_argument("--fields", default="sparse/validation:0-99")
+    parser.add_argument("--out", type=Path, default=Path("results/examples"))
+    main(**vars(parser.parse_args()))

@@ -1,0 +1,104 @@
+"""A planner of your own, beside the house's planners on the same fields.
+
+Run it from a checkout; it takes seconds:
+
+    .venv/bin/python examples/own_planner.py
+    .venv/bin/python examples/own_planner.py --fields forest/train:0-9 --beside multi-start
+
+`Shooting` throws many random chains of segments towards the goal, keeps the feasible ones and flies
+the first segment of the best: a receding horizon without an optimiser. It flies in the same
+environment as all planners, which refuses whatever is not certified along its whole length. The
+table says how many flights arrived and by how much they are longer than the field's shortest path,
+which is found exactly. `docs/planners.md` says what stands in the other rows.
+"""
+
+import argparse
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.flights import Flight, fly
+from agents.policies import Policy, expert, make_policy
+from ferguson_gym.arc_length import length
+from ferguson_gym.catalog import select
+from ferguson_gym.feasibility import is_feasible
+from ferguson_gym.fields import Field
+from ferguson_gym.limits import PAPER_LIMITS, Limits
+from planners.interface import Decision, Plan, State, WindowReport
+from planners.rollout import arriving, rest, roll_out
+from planners.starts import through
+
+
+@dataclass(frozen=True)
+class Shooting:
+    """Random chains towards the goal; of the feasible ones, the shortest way there."""
+
+    chains: int = 1000
+    turn: float = 0.8  # of each step against the one before, standard deviation [rad]
+    limits: Limits = PAPER_LIMITS
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        """Decide, fly, decide again: what every planner that decides step by step does."""
+        return roll_out(self, field, state, seed)
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        """The next segments; those planned before stay if no chain is better."""
+        began, vehicle = time.perf_counter(), state.vehicle
+        stream = np.random.default_rng([seed, vehicle.segments])  # the same seed, the same flight
+        to_goal = field.goal - vehicle.position
+        shape = self.chains, int(np.clip(np.linalg.norm(to_goal) // 5.0, 1, 3))
+
+        turns = stream.normal(0.0, self.turn, shape)
+        angles = np.arctan2(to_goal[1], to_goal[0]) + turns.cumsum(axis=1)
+        steps = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        steps *= stream.uniform(4.0, 12.0, shape)[..., None]
+        points = vehicle.position + np.insert(steps.cumsum(axis=1), 0, 0.0, axis=1)
+        points[::4, -1] = field.goal  # a quarter of them try to arrive
+        chains = through(vehicle, points)  # with derivatives: (chains, segments, 4, 2)
+        chains = chains[is_feasible(chains, field, self.limits, tolerance=1e-6).all(axis=1)]
+
+        best = chains[cost(chains, field).argmin()] if len(chains) else None
+        planned = rest(field, state, self.limits) if arriving(field, state) else None
+        if best is None or (planned is not None and cost(planned, field) < cost(best, field)):
+            best = planned
+        seconds = time.perf_counter() - began
+        return Decision(best, WindowReport(step=vehicle.segments, seconds=seconds))
+
+
+def cost(chains: np.ndarray, field: Field) -> np.ndarray:
+    """Length of chains (..., n, 4, 2) and the straight distance from their ends to the goal [m]."""
+    left = np.linalg.norm(field.goal - chains[..., -1, 1, :], axis=-1)
+    return length(chains).sum(axis=-1) + left
+
+
+def compare(policies: dict[str, Policy], fields: list[Field]) -> list[Flight]:
+    """Fly all policies through all fields, in the environment."""
+    return [
+        fly(policy, name, field, seed=0) for name, policy in policies.items() for field in fields
+    ]
+
+
+def row(flights: list[Flight]) -> str:
+    """What is told of one policy's flights; gaps are over those that arrived."""
+    gaps = [100.0 * flight.gap for flight in flights if flight.gap is not None]
+    told = f"{np.median(gaps):12.2f} %{max(gaps):10.2f} %" if gaps else f"{'-':>14}{'-':>12}"
+    arrived = sum(flight.success for flight in flights)
+    milliseconds = 1e3 * np.median([flight.seconds for flight in flights])
+    return f"{flights[0].policy:18}{arrived:5}/{len(flights):<5}{told}{milliseconds:10.0f} ms"
+
+
+def main(fields: str, beside: list[str]) -> None:
+    """Compare and print the table."""
+    policies = {"shooting": expert(Shooting()), **{name: make_policy(name) for name in beside}}
+    flights = compare(policies, list(select(fields)))
+    print(f"{fields:20}arrived   gap, median     worst     a flight")
+    for name in policies:
+        print(row([flight for flight in flights if flight.policy == name]))
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--fields", default="standard/train:0-19")
+    parser.add_argument("--beside", nargs="+", default=["guided", "shortest"], metavar="PLANNER")
+    main(**vars(parser.parse_args()))
