@@ -20,7 +20,7 @@ from ferguson_gym.bernstein import products
 from ferguson_gym.compilation import compiled
 
 REST = 1e-12
-"""Part of a segment's greatest derivative below which its speed is none: a cusp."""
+"""Speed that is none, a cusp: part of the largest coordinate of the derivative's coefficients."""
 _EPSILON = 2.0**-52
 _SHARP = 1e-12
 """Part of the greatest curvature's square by which a piece that is left out may exceed it."""
@@ -32,17 +32,17 @@ _STEPS = 60
 """Most steps towards a root; halving alone would need no more."""
 _SQUARE = products(2)
 _EXTREME = np.array(
-    [
-        [math.comb(3, i) * math.comb(4, j) / math.comb(7, i + j) for j in range(5)]
-        for i in range(4)
-    ]
+    [[math.comb(3, i) * math.comb(4, j) / math.comb(7, i + j) for j in range(5)] for i in range(4)]
 )
 """Weights (4, 5) of coefficients i and j of factors of degree 3 and 4 in a product's i + j."""
 
 
 @compiled
-def _crosses(v: Array, c: Array, control: Array) -> None:
-    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is rounding alone."""
+def _crosses(v: Array, c: Array, control: Array, unit: float) -> None:
+    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is rounding alone.
+
+    v comes from a control array (4, D) in other units.
+    """
     dimension = v.shape[1]
     pair, straight = 0, True
     for d in range(dimension):
@@ -50,14 +50,15 @@ def _crosses(v: Array, c: Array, control: Array) -> None:
             # how far rounding of the control rows, and of what v is made of, may be felt
             off_d = off_e = 0.0
             for row in range(4):
-                off_d += (3.0 if row < 2 else 1.0) * abs(control[row, d])
-                off_e += (3.0 if row < 2 else 1.0) * abs(control[row, e])
-            for k, (i, j, weight) in enumerate(((0, 1, 2.0), (0, 2, 1.0), (1, 2, 2.0))):
-                c[pair, k] = weight * (v[i, d] * v[j, e] - v[j, d] * v[i, e])
+                weight = 3.0 if row < 2 else 1.0
+                off_d += weight * (abs(control[row, d]) / unit)
+                off_e += weight * (abs(control[row, e]) / unit)
+            for k, (i, j, twice) in enumerate(((0, 1, 2.0), (0, 2, 1.0), (1, 2, 2.0))):
+                c[pair, k] = twice * (v[i, d] * v[j, e] - v[j, d] * v[i, e])
                 off = abs(v[i, d] * v[j, e]) + abs(v[j, d] * v[i, e])
                 off += off_d * (abs(v[i, e]) + abs(v[j, e]))
                 off += off_e * (abs(v[i, d]) + abs(v[j, d]))
-                if abs(c[pair, k]) > weight * _EPSILON * off:
+                if abs(c[pair, k]) > twice * _EPSILON * off:
                     straight = False
             pair += 1
     if straight:
@@ -117,17 +118,17 @@ def _root(extreme: Array, scratch: Array) -> float:
         step = t - scratch[0] / slope if slope < 0.0 else low
         following = step if low < step < high else 0.5 * (low + high)
         if abs(following - t) <= 4.0 * _EPSILON * t:
-            return following
+            return float(following)
         t = following
-    return t
+    return float(t)
 
 
 @compiled
 def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> float:
-    """Greatest curvature [1/m] of one segment (4, D); infinite at a cusp.
+    """Greatest curvature [1/m] of one segment; infinite at a cusp.
 
     Args:
-        control: (4, D), of numbers an eighth of the segment's, so that sums stay in range.
+        control: (4, D), so much smaller than the largest number that sums stay in range.
         v: scratch (_DEPTH + 2, 3, D).
         c: scratch (_DEPTH + 2, pairs of axes, 3).
         spans: scratch (_DEPTH + 2,): halvings of each piece.
@@ -143,13 +144,12 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
             scale = max(scale, abs(v[0, i, d]))
     if scale == 0.0:
         return np.inf
-    _crosses(v[0], c[0], control)
+    unit = 2.0 ** np.floor(np.log2(scale))  # powers would leave the range; this rounds nothing
     for i in range(3):
         for d in range(dimension):
-            v[0, i, d] /= scale  # powers would leave the range
-        for pair in range(c.shape[1]):
-            c[0, pair, i] = c[0, pair, i] / scale / scale
-    rest = REST * REST
+            v[0, i, d] /= unit
+    _crosses(v[0], c[0], control, unit)
+    rest = (REST * scale / unit) ** 2
     best = 0.0
     for t in (0.0, 1.0):
         speed2, bend = _at(v[0], c[0], t)
@@ -197,7 +197,7 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
         spans[top] += 1.0
         spans[top + 1] = spans[top]
         top += 1
-    return float(np.sqrt(best) / scale)
+    return float(np.sqrt(best) / unit)
 
 
 @compiled
@@ -217,6 +217,5 @@ def greatest_curvatures(control: Array) -> Array:
     spans, work = np.empty(_DEPTH + 2), np.empty((4, 8))
     found = np.empty(len(control))
     for s in range(len(control)):
-        # a quarter of the largest number still bears the sums of `_greatest`
         found[s] = 0.125 * _greatest(0.125 * control[s], v, c, spans, work)
     return found
