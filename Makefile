@@ -33,7 +33,7 @@ clean:
 	touch $@
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
-	$(PIP) --editable '.[dev,agents,demos,peers]'
+	$(PIP) --editable '.[dev,agents,cluster,demos,peers]'
 	touch $@ .venv/installed-base
 
 .venv/bin/python:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterable, Mapping, Sequence
+import zlib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +27,8 @@ _FOR_FAILURES = 0.75
 """Part of the budget that failures may fill before the largest gaps have their turn."""
 _FLIGHT = 60
 """Characters a flight takes beside its path, about."""
+_SEGMENT = 8
+"""Characters that a segment takes at least."""
 
 
 def browser(
@@ -51,9 +55,15 @@ def browser(
     paths = directory / "paths.npz"
     if not paths.is_file():
         return {"fields": [], "scenes": [], "total": 0, "note": "There is no paths.npz."}
-    control, offsets = _load(paths, len(flights))
     scenes = _scenes(flights)
     failing, by_gap = _ranked(flights, scenes)
+    offsets = _offsets(paths, len(flights))
+    least = {
+        key: int((_FLIGHT + _SEGMENT * np.diff(offsets)[runs]).sum())
+        for key, runs in scenes.items()
+    }
+    wanted = _at_most(failing, by_gap, least, budget)
+    control = _cut(paths, offsets, sorted(k for key in wanted for k in scenes[key].tolist()))
     drawn_fields: dict[int, dict[str, Any]] = {}
     chosen: dict[tuple[int, int], dict[str, Any]] = {}
     used = 0
@@ -68,9 +78,7 @@ def browser(
                 drawn = _field(flights.fields[field], fields)
                 drawn_fields[field] = drawn
                 used += 6 * len(drawn["discs"] or ()) + len(drawn["shortest"] or "") + 2 * _FLIGHT
-            runs = [
-                _run(flights, k, control[offsets[k] : offsets[k + 1]]) for k in scenes[key].tolist()
-            ]
+            runs = [_run(flights, k, control[k]) for k in scenes[key].tolist()]
             used += sum(_FLIGHT + len(run["path"]) for run in runs)
             chosen[key] = {"field": field, "seed": flights.seeds[seed], "runs": runs}
     place = {field: k for k, field in enumerate(drawn_fields)}
@@ -96,18 +104,58 @@ def _note(shown: int, total: int, failing_shown: int, failing: int) -> str:
     )
 
 
-def _load(path: Path, number: int) -> tuple[Array, NDArray[np.int64]]:
-    try:
-        with np.load(path) as data:
-            control, offsets = data["control"], data["offsets"]
-    except (KeyError, OSError, ValueError, zipfile.BadZipFile) as error:
-        raise ValueError(f"{path} does not hold the paths of flights: {error}") from None
-    if len(offsets) != number + 1 or offsets[-1] != len(control):
+def _at_most(
+    failing: Sequence[tuple[int, int]],
+    by_gap: Sequence[tuple[int, int]],
+    least: Mapping[tuple[int, int], int],
+    budget: int,
+) -> set[tuple[int, int]]:
+    """Scenes that can have a place, if each takes as few characters as it may."""
+    found: set[tuple[int, int]] = set()
+    for order, limit in ((failing, _FOR_FAILURES * budget), (by_gap, budget), (failing, budget)):
+        used = 0
+        for key in order:
+            if used >= limit:
+                break
+            used += 0 if key in found else least[key]
+            found.add(key)
+    return found
+
+
+def _offsets(path: Path, number: int) -> NDArray[np.int64]:
+    with _opened(path), np.load(path) as data:
+        offsets: NDArray[np.int64] = data["offsets"]
+    if len(offsets) != number + 1:
         raise ValueError(
             f"{path} has {len(offsets) - 1} flights and flights.csv has {number}: not of one "
             "evaluation"
         )
-    return control, offsets
+    return offsets
+
+
+def _cut(path: Path, offsets: NDArray[np.int64], flights: Iterable[int]) -> dict[int, Array]:
+    """The segments (n, 4, 2) of some flights, in order: the others' are read over."""
+    with _opened(path), zipfile.ZipFile(path) as archive, archive.open("control.npy") as file:
+        np.lib.format.read_magic(file)
+        shape, _, kind = np.lib.format.read_array_header_1_0(file)
+        if kind != np.float64 or shape != (int(offsets[-1]), 4, 2):
+            raise ValueError(f"control is {shape} of {kind}, and offsets end on {offsets[-1]}")
+        size, first = 8 * kind.itemsize, file.tell()
+        cut = {}
+        for k in flights:
+            file.seek(first + size * int(offsets[k]))
+            held = file.read(size * int(offsets[k + 1] - offsets[k]))
+            cut[k] = np.frombuffer(held).reshape(-1, 4, 2)
+        return cut
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[None]:
+    """Turn what goes wrong with a file into one error that names it."""
+    try:
+        yield
+    except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
+        raise ValueError(f"{path} does not hold the paths of flights: {error}") from None
 
 
 def _scenes(flights: FlightTable) -> dict[tuple[int, int], NDArray[np.int64]]:

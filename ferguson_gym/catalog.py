@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 from ferguson_gym.fields import Field, from_json
@@ -57,8 +58,10 @@ def select(spec: str) -> Iterator[Field]:
         if not slash:
             raise ValueError(f"unknown field {spec!r}: {GRAMMAR}")
         draw = partial(suite_field, suite, split)
-    draw(first), draw(last)  # the ends show whether the whole range is known
-    return map(draw, range(first, last + 1))
+    lowest = draw(first)
+    if last > first:
+        draw(last)  # the ends show whether the whole range is known
+    return chain([lowest], map(draw, range(first + 1, last + 1)))
 
 
 def family(spec: str) -> tuple[str, range]:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.arrays import Array, GenericArray, real
 from ferguson_gym.compilation import compiled
+from ferguson_gym.sharpest import greatest_curvatures
 
 _POWER_BASIS = np.array(
     # rows: coefficients of 1, t, t^2, t^3; columns: F1..F4 of the paper
@@ -96,52 +97,14 @@ def curvature(control: ArrayLike, t: ArrayLike) -> Array:
 
 
 def max_curvature(control: ArrayLike) -> Array:
-    """Greatest curvature [1/m] of each segment: (*batch,); infinite at a cusp.
+    """Greatest curvature [1/m] of each segment: (*batch,); 0 on a line, infinite at a cusp.
 
-    The extremes of curvature^2 = G / S^3, with S = |X'|^2 and G = |X' x X''|^2, are roots of
-    G'S - 3GS', a polynomial of degree 7.
+    A segment counts as a line if it may be one but for the rounding of its control array, and
+    has a cusp where its speed falls to `REST` of its largest.
     """
     control = as_control(control)
-    segments = control.reshape(-1, *control.shape[-2:])
-    return np.array([_max_curvature(one) for one in segments]).reshape(control.shape[:-2])
-
-
-def _max_curvature(control: Array) -> float:
-    scale = float(np.abs(control[2:]).max() + np.abs(control[1] - control[0]).max())
-    if scale == 0.0:
-        return np.inf
-    power = _POWER_BASIS @ np.vstack([control[:2] - control[0], control[2:]]) / scale
-    poly = np.polynomial.Polynomial
-    first = [poly(c).deriv(1) for c in power.T]
-    second = [poly(c).deriv(2) for c in power.T]
-    speed2 = sum((p * p for p in first), poly([0.0]))
-    area2 = poly([0.0])
-    for i in range(len(first)):
-        for j in range(i):
-            # the cubic terms of the cross product cancel; their rounding would not
-            cross = poly((first[i] * second[j] - first[j] * second[i]).coef[:3])
-            area2 = area2 + cross * cross
-    stationary = area2.deriv() * speed2 - 3 * area2 * speed2.deriv()
-    t = np.concatenate([[0.0, 1.0], _real_roots(stationary), _real_roots(speed2.deriv())])
-    # from the components: their squares' polynomial has lost the digits that tell a cusp
-    slowest = np.linalg.norm([p(t) for p in first], axis=0).min()
-    if slowest <= 1e-12 * np.sqrt(np.abs(speed2.coef).max()):
-        return np.inf
-    return float(curvature(control, t).max())
-
-
-def _real_roots(polynomial: np.polynomial.Polynomial) -> Array:
-    """Roots in (0, 1), and points near it: all are only candidates for an extreme."""
-    coefficients = np.trim_zeros(polynomial.coef, "b")
-    if len(coefficients) < 2:
-        return np.empty(0)
-    # real parts of complex roots too: a double root may split off the real axis
-    t = np.asarray(np.polynomial.polynomial.polyroots(coefficients).real, dtype=np.float64)
-    slope = polynomial.deriv()
-    for _ in range(3):  # near a cusp the roots of high degree need polishing
-        steep = slope(t)
-        t = t - np.divide(polynomial(t), steep, out=np.zeros_like(t), where=steep != 0.0)
-    return t[(t > 0.0) & (t < 1.0)]
+    flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
+    return greatest_curvatures(flat).reshape(control.shape[:-2])
 
 
 def to_bezier(control: GenericArray) -> GenericArray:

@@ -1,13 +1,8 @@
 """Who flies: a Dask cluster on this machine, and what is refused before any work starts."""
 
-import os
 import socket
-import subprocess
-import sys
 import threading
-import time
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +13,7 @@ from agents.backends import Backend, place_of
 from agents.command_line import main
 from agents.evaluation_request import Request
 from agents.evaluation_work import WORK, Work
+from tests.dask_cluster import cluster, free_port
 
 NAMES = ("flights.csv", "paths.npz")
 REQUEST = Request(
@@ -31,55 +27,6 @@ REQUEST = Request(
 def contents(directory: Path) -> list[bytes]:
     assert not (directory / WORK).exists()
     return [(directory / name).read_bytes() for name in NAMES]
-
-
-def free_port() -> int:
-    with socket.socket() as listening:
-        listening.bind(("127.0.0.1", 0))
-        return int(listening.getsockname()[1])
-
-
-@contextmanager
-def process(place: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
-    with (place / f"{words[0]}.log").open("ab") as log:
-        command = [sys.executable, "-m", *words]
-        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
-        run = subprocess.Popen(command, stdout=log, stderr=log, cwd=place, env=environment)
-    try:
-        yield run
-    finally:
-        run.kill()
-        run.wait()
-
-
-Start = Callable[[], subprocess.Popen[bytes]]
-
-
-@contextmanager
-def cluster(place: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Start]]:
-    """Address and process of a scheduler on loopback, and what starts a worker of it."""
-    pytest.importorskip("distributed")
-    address = f"127.0.0.1:{free_port()}"
-    quiet = ("--host", "127.0.0.1", "--no-dashboard")
-    with ExitStack() as stack:
-        words = ("distributed.cli.dask_scheduler", *quiet, "--port", address.rpartition(":")[2])
-        scheduler = stack.enter_context(process(place, *words))
-
-        def worker() -> subprocess.Popen[bytes]:
-            words = ("distributed.cli.dask_worker", address, *quiet, "--no-nanny")
-            more = ("--nthreads", "2", "--local-directory", str(place))
-            return stack.enter_context(process(place, *words, *more))
-
-        end = time.monotonic() + 60.0
-        while True:
-            try:
-                socket.create_connection(place_of(address), timeout=1.0).close()
-                break
-            except OSError:
-                assert scheduler.poll() is None
-                assert time.monotonic() < end
-                time.sleep(0.1)
-        yield address, scheduler, worker
 
 
 @pytest.fixture

@@ -112,6 +112,38 @@ def test_beyond_the_budget_a_report_says_what_it_left_out(tmp_path: Path) -> Non
     assert names[:4] == ["x7", "x399", "x398", "x397"]
 
 
+@pytest.mark.parametrize("failing", [0.0, 0.3, 1.0])
+def test_whatever_the_budget_the_paths_shown_are_those_flown(
+    failing: float, tmp_path: Path
+) -> None:
+    stream = np.random.default_rng(0)
+    lengths: dict[str, dict[str, list[float | None]]] = {
+        policy: {
+            f"x{k}": [
+                None if stream.random() < failing else float(stream.uniform(141.0, 190.0))
+                for _ in range(3)
+            ]
+            for k in range(40)
+        }
+        for policy in ("a", "b")
+    }
+    write_results(tmp_path, lengths)
+    number = []
+    for budget in (1, 3_000, 10_000, 30_000, 1_000_000):
+        write_report(tmp_path, budget=budget)
+        browser = held(tmp_path)["browser"]
+        number.append(len(browser["scenes"]))
+        for scene in browser["scenes"]:
+            name = browser["fields"][scene["field"]]["name"]
+            for run, policy in zip(scene["runs"], lengths, strict=True):
+                length = lengths[policy][name][scene["seed"]]
+                flown = chain(2) if length is None else chain(12, aside=length - 140.0)
+                assert run["path"] == draw_chain(flown)
+    assert number == sorted(number)
+    assert number[0] == 1
+    assert number[-1] == 120
+
+
 def test_common_failures_do_not_fill_the_whole_budget(tmp_path: Path) -> None:
     fields = {f"x{k}": [None] for k in range(300)} | {f"y{k}": [150.0] for k in range(300)}
     write_results(tmp_path, {"a": fields})

@@ -1,0 +1,75 @@
+"""The greatest curvature found otherwise: dense samples, then a search in exact fractions."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from ferguson_gym.arrays import Array
+from ferguson_gym.splines import derivative
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+
+
+def exact_curvature(control: Array, t: float) -> float:
+    """Curvature at t without rounding but for the last operations; infinite at rest."""
+    at = Fraction(float(t))
+    first, second = [], []
+    for start, end, leave, arrive in np.asarray(control, float).T:
+        p, q, r, s = (Fraction(float(value)) for value in (start, end, leave, arrive))
+        middle = 3 * (q - p) - r - s
+        first.append((1 - at) ** 2 * r + 2 * at * (1 - at) * middle + at**2 * s)
+        second.append(2 * (1 - at) * (middle - r) + 2 * at * (s - middle))
+    speed2 = sum(one * one for one in first)
+    if speed2 == 0:
+        return np.inf
+    cross2 = sum(
+        (first[i] * second[j] - first[j] * second[i]) ** 2
+        for i in range(len(first))
+        for j in range(i)
+    )
+    return float(np.sqrt(float(cross2 / speed2**3)))
+
+
+def slowest(control: Array) -> tuple[Array, float]:
+    """Parameters near which the speed is least, and the least speed as part of the greatest."""
+    polynomials = np.polynomial.polynomial.polyfit(
+        np.array([0.0, 0.5, 1.0]), derivative(control, [0.0, 0.5, 1.0]), 2
+    )
+    speed2 = sum(
+        (np.polynomial.Polynomial(one) ** 2 for one in polynomials.T), np.polynomial.Polynomial([0])
+    )
+    t = np.clip(np.array([0.0, 1.0, *speed2.deriv().roots().real]), 0.0, 1.0)
+    speeds = np.linalg.norm(derivative(control, np.array([*t, *np.linspace(0, 1, 101)])), axis=-1)
+    return t, float(speeds.min() / speeds.max())
+
+
+def reference(control: Array) -> float:
+    """Greatest curvature [1/m] of one segment (4, D)."""
+    near, _ = slowest(control)
+    around = np.geomspace(1e-12, 0.1, 400)
+    t = np.concatenate([np.linspace(0.0, 1.0, 2001), *(at + around for at in near)])
+    t = np.unique(np.clip(np.concatenate([t, *(at - around for at in near), near]), 0.0, 1.0))
+    first, second = derivative(control, t), derivative(control, t, 2)
+    speed2 = np.maximum((first * first).sum(-1), 1e-300)
+    normal = second - ((first * second).sum(-1) / speed2)[:, None] * first
+    bend = np.sqrt((normal * normal).sum(-1)) / speed2
+    inner = np.concatenate([[-np.inf], bend, [-np.inf]])
+    peaks = np.flatnonzero((bend >= inner[:-2]) & (bend >= inner[2:]))
+    best = 0.0
+    for k in peaks[np.argsort(-bend[peaks])][:3]:
+        low, high = t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)]
+        best = max(best, *(exact_curvature(control, at) for at in (t[k], low, high)))
+        for _ in range(60):
+            step = GOLDEN * (high - low)
+            left, right = (
+                exact_curvature(control, high - step),
+                exact_curvature(control, low + step),
+            )
+            best = max(best, left, right)
+            if left > right:
+                high = low + step
+            else:
+                low = high - step
+            if high - low < 1e-13:
+                break
+    return best
