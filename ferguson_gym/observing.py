@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from ferguson_gym.bank import planar_discs
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation, entries_of, look
+from ferguson_gym.observations import Layout, Observation, entries_of, look
 from ferguson_gym.settings import Settings
+
+
+@lru_cache(maxsize=16)
+def _layout(settings: Settings) -> Layout:
+    """The settings' own, made once: to make it takes longer than to look."""
+    return settings.layout
 
 
 def observe_one(field: Field, vehicle: State, settings: Settings) -> Observation:
@@ -31,7 +38,7 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
         ValueError: a field that is not planar.
     """
     discs = planar_discs(field)
-    layout, most = settings.layout, settings.limits.segments  # made anew each time they are asked
+    layout, most = _layout(settings), settings.segments
     sizes, count = layout.entries(), len(vehicles)
     seen = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
