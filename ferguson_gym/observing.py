@@ -43,14 +43,17 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
     seen = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
     work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
+    position, derivative = np.empty(2), np.empty(2)
     for i, vehicle in enumerate(vehicles):
+        # copied: for memory that may not be written, another kernel would be compiled
+        position[:], derivative[:] = vehicle.position, vehicle.derivative
         look(
             seen,
             i,
             count,
             layout,
-            vehicle.position,
-            vehicle.derivative,
+            position,
+            derivative,
             1.0 - vehicle.segments / most,
             field.goal,
             field.bounds,
