@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.batched import act
 from agents.models import Model
 from agents.pilots import Pilot
 from ferguson_gym import flight
@@ -109,7 +108,7 @@ def imagine(
     while flights:
         seen = observe(field, [one.vehicle for one in flights], model.settings)
         fresh = stream.normal(size=(len(flights), 4))
-        actions = act(model.policy, seen)
+        actions = model.network.act(seen)
         for one, action, new in zip(flights, actions, fresh, strict=True):
             one.disturbance = LASTING * one.disturbance + math.sqrt(1.0 - LASTING**2) * new
             action += one.spread * one.disturbance
