@@ -16,7 +16,8 @@ from agents.batched import fly_batch
 from agents.cards import Card
 from agents.flights import fly_by_name
 from agents.forward import Forward
-from agents.pilots import pilot
+from agents.imagining import Imagining
+from agents.pilots import Pilot, pilot
 from ferguson_gym import flight
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
@@ -268,3 +269,24 @@ def test_shipped_agents_fly_without_torch_as_with_it() -> None:
     for name, place in shelf.shipped().items():
         assert not models.needs_torch(place), name
         assert isinstance(pilot(place).model.network, Forward)
+
+
+def test_imagined_flights_are_judged_as_flights_are() -> None:
+    """The flight that is flown is the one that was imagined, to the last bit."""
+    place = shelf.shipped()[shelf.BEST]
+    model = models.load(place)
+    for name in ("standard/validation:3", "traps/validation:1"):
+        field = one(name)
+        agent = Imagining(Pilot(model), 6)
+        agent.begin(field, 0)
+        vehicle, calls, step = flight.depart(field), 0, None
+        while step is None or step.outcome.name == "FLYING":
+            calls += agent._expected is None or not np.array_equal(
+                agent._expected[1], vehicle.position
+            )
+            action = agent.act({}, vehicle)
+            assert action is not None
+            step = flight.advance(field, vehicle, action)
+            vehicle = step.state
+        assert calls == 1
+        assert not agent._ahead
