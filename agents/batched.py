@@ -1,91 +1,30 @@
 """Learned policies through many fields at once, each flight as if it were alone.
 
-A matrix product of another number of rows may differ in its last bit, and a flight with it. So a
-network is always asked about `BLOCK` rows, the last ones empty if need be, by one thread: then a
-row is treated alike whatever stands beside it. For two layers of 256 that costs 3.4 us a row where
-rows are many, instead of 2.5 us for 512 at once, and 60 us instead of 35 us for a row alone.
+A network's answer to a row does not depend on the rows beside it (`agents.models.Network`), so
+flights are the same, to the last bit, however many are in the air.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.policies import BasePolicy
 
 from agents.metrics import path_share, success_interval
 from agents.models import Model
-from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
 from ferguson_gym.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from planners.shortest import exact_length, gap
 
-BLOCK = 16
-"""Rows that a network is asked about at a time."""
-TOGETHER = 3 * BLOCK
+TOGETHER = 48
 """Flights in the air, if nothing else is said: so few that the environment flies them without
 threads of its own, which would wait for work while the network has the processor."""
-
-
-def keep_to_one_thread() -> None:
-    """Let torch compute with one thread from now on.
-
-    Numba sets OpenMP's number, which is torch's, when it starts its own threads; so ask often.
-    """
-    if torch.get_num_threads() != 1:
-        torch.set_num_threads(1)
-
-
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Let torch compute with one thread; then with as many as before.
-
-    Not for single steps: threads that are called back burn processor time until they sleep.
-    """
-    before = torch.get_num_threads()
-    # even if it says one: that is OpenMP's number, not that of the library of matrix products
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
-
-
-def act(policy: BasePolicy, seen: Observation) -> Action:
-    """The actions (n, 4) that a policy thinks best; of each row the same, whatever the others.
-
-    Torch computes with one thread from then on; `one_thread` gives it back what it had.
-
-    Args:
-        policy: on the processor.
-        seen: (n, size) of each entry.
-    """
-    number = len(next(iter(seen.values())))
-    actions = np.empty((number, 4), np.float32)
-    block = {key: np.empty((BLOCK, *value.shape[1:]), np.float32) for key, value in seen.items()}
-    asked = {key: torch.from_numpy(value) for key, value in block.items()}
-    if policy.training:  # a walk through all modules, which costs as much as the network
-        policy.set_training_mode(False)
-    keep_to_one_thread()
-    with torch.no_grad():
-        for first in range(0, number, BLOCK):
-            last = min(first + BLOCK, number)
-            for key, value in seen.items():
-                block[key][: last - first] = value[first:last]
-                block[key][last - first :] = 0.0
-            chosen = policy._predict(asked, deterministic=True)
-            actions[first:last] = chosen.numpy()[: last - first]
-    # as `policy.predict` does it
-    return policy.unscale_action(actions) if policy.squash_output else np.clip(actions, -1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -145,7 +84,7 @@ def fly_batch(model: Model, fields: Iterable[Field], num: int = TOGETHER) -> lis
     fields = list(fields)
     if not fields:
         return []
-    with one_thread():
+    with model.network.at_work():
         return _fly(model, fields, min(num, len(fields)))
 
 
@@ -157,7 +96,7 @@ def _fly(model: Model, fields: Sequence[Field], num: int) -> list[BatchFlight]:
     seen, _ = envs.reset(seed=0, options={"field": fields[:num]})
     while (busy := flown >= 0).any():
         actions = np.zeros((num, 4), np.float32)
-        actions[busy] = act(model.policy, {key: value[busy] for key, value in seen.items()})
+        actions[busy] = model.network.act({key: value[busy] for key, value in seen.items()})
         seen, _, terminated, truncated, infos = envs.step(actions)
         ended = terminated | truncated
         for i in np.flatnonzero(ended & busy).tolist():

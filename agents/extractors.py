@@ -1,7 +1,8 @@
 """Features of observations: plain, or of obstacles as the set that they are.
 
 All of them show near things on a finer scale too: a metre matters beside an obstacle and on the
-last segments before the goal, and is little of all that lengths are parts of.
+last segments before the goal, and is little of all that lengths are parts of. `agents.features` has
+the first two as flights use them, compiled.
 """
 
 from __future__ import annotations
@@ -12,12 +13,7 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 from torch.nn import functional
 
-_OWN = 15
-"""Numbers that `_own` makes of goal and vehicle."""
-_NEARER = (5.0, 14.0)
-"""Distances to the goal are shown so many times larger as well, up to 1."""
-_FALL = 8.0
-"""How steeply nearness falls with distance, in parts of the view."""
+from agents.features import DISC, FALL, GRAIN, NEARER, OWN, USUAL
 
 
 class Plain(BaseFeaturesExtractor):
@@ -30,7 +26,7 @@ class Plain(BaseFeaturesExtractor):
     def __init__(self, observation_space: spaces.Dict) -> None:
         sizes = {key: spaces.flatdim(one) for key, one in observation_space.spaces.items()}
         rows = sizes.get("mask", 0) + sizes.get("obstacles", 0)
-        super().__init__(observation_space, _OWN + rows + 2 * sizes.get("rays", 0))
+        super().__init__(observation_space, OWN + rows + 2 * sizes.get("rays", 0))
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
@@ -55,9 +51,9 @@ class DeepSets(BaseFeaturesExtractor):
     """
 
     def __init__(self, observation_space: spaces.Dict, width: int = 64) -> None:
-        super().__init__(observation_space, 2 * width + _OWN + _rays_of(observation_space))
-        self.obstacle = nn.Linear(7, width)
-        self.vehicle = nn.Linear(_OWN, width, bias=False)
+        super().__init__(observation_space, 2 * width + OWN + _rays_of(observation_space))
+        self.obstacle = nn.Linear(DISC, width)
+        self.vehicle = nn.Linear(OWN, width, bias=False)
         self.then = nn.Linear(width, width)
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
@@ -67,7 +63,7 @@ class DeepSets(BaseFeaturesExtractor):
         first = torch.relu(self.obstacle(rows) + self.vehicle(own)[:, None])
         each = torch.relu(self.then(first)) * mask[:, :, None]
         # a sum that stays near one for the usual dozen
-        pooled = [each.sum(dim=1) / 8.0, each.amax(dim=1)]
+        pooled = [each.sum(dim=1) / USUAL, each.amax(dim=1)]
         return torch.cat([*pooled, own, *_rays(seen)], dim=1)
 
 
@@ -95,9 +91,9 @@ class Attention(BaseFeaturesExtractor):
     ) -> None:
         if width % heads:
             raise ValueError(f"a width of {width} cannot be shared by {heads} heads")
-        super().__init__(observation_space, 2 * width + _OWN + _rays_of(observation_space))
-        self.vehicle = nn.Linear(_OWN, width)
-        self.obstacle = nn.Sequential(nn.Linear(7, width), nn.SiLU(), nn.Linear(width, width))
+        super().__init__(observation_space, 2 * width + OWN + _rays_of(observation_space))
+        self.vehicle = nn.Linear(OWN, width)
+        self.obstacle = nn.Sequential(nn.Linear(DISC, width), nn.SiLU(), nn.Linear(width, width))
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
     def forward(self, seen: dict[str, Tensor]) -> Tensor:
@@ -153,7 +149,7 @@ def _rays_of(space: spaces.Dict) -> int:
 def _own(seen: dict[str, Tensor]) -> Tensor:
     """Goal and vehicle (n, 15), the goal on finer scales too."""
     distance, way = seen["goal"][:, :1], seen["goal"][:, 1:]
-    finer = [(scale * distance).clamp(max=1.0) for scale in _NEARER]
+    finer = [(scale * distance).clamp(max=1.0) for scale in NEARER]
     nearer = [part for near in finer for part in (near, near * way)]
     return torch.cat([seen["goal"], seen["vehicle"], *nearer], dim=1)
 
@@ -167,10 +163,10 @@ def _split(seen: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     own = _own(seen)
     rows = seen["obstacles"].view(len(own), -1, 4)
     centre = rows[:, :, :2]
-    way = centre / (centre.norm(dim=2, keepdim=True) + 1e-3)
-    return own, torch.cat([rows, way, torch.exp(-_FALL * rows[:, :, 3:])], dim=2), seen["mask"]
+    way = centre / (centre.norm(dim=2, keepdim=True) + GRAIN)
+    return own, torch.cat([rows, way, torch.exp(-FALL * rows[:, :, 3:])], dim=2), seen["mask"]
 
 
 def _rays(seen: dict[str, Tensor]) -> list[Tensor]:
     """Ranges, and how near their ends are."""
-    return [seen["rays"], torch.exp(-_FALL * seen["rays"])] if "rays" in seen else []
+    return [seen["rays"], torch.exp(-FALL * seen["rays"])] if "rays" in seen else []

@@ -13,11 +13,12 @@ Reference:
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agents.batched import act
+from agents.imagined import Imagined
 from agents.models import Model
 from agents.pilots import Pilot
 from ferguson_gym import flight
@@ -25,8 +26,7 @@ from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
-from ferguson_gym.observing import observe
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import Settings
 
 MOST = 1024
 """Flights that may be imagined at a time."""
@@ -35,19 +35,8 @@ SPREAD, LASTING = 0.05, 0.6
 of a disturbance is left in the next action: what lasts leads other ways. Of several values the
 best, for SPL on standard/train:5000000-5000149."""
 
-
-@dataclass(slots=True, eq=False)
-class _Try:
-    """An imagined flight."""
-
-    vehicle: flight.State
-    spread: float
-    """Standard deviation of what is added to its actions."""
-    disturbance: Array
-    """(4,) the last one, in parts of that."""
-    actions: list[Action]
-    length: float = 0.0
-    """So far [m]."""
+Leg: TypeAlias = tuple[Action, Array]
+"""An action (4,), and where it ends (2,) [m]."""
 
 
 class Imagining:
@@ -65,68 +54,76 @@ class Imagining:
         if not 2 <= tries <= MOST:
             raise ValueError(f"an agent imagines 2 to {MOST} flights, got {tries}")
         self._model, self._tries = pilot.model, tries
+        self._settings = pilot.model.settings
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field; disturbances are drawn from the seed."""
         self._field, self._seed = field, seed
-        self._ahead: list[Action] = []
-        self._expected: flight.State | None = None
+        self._ahead: list[Leg] = []
+        self._expected: tuple[int, Array] | None = None
 
     def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
         """The next action (4,) of the best flight; None if none is left of one that fails."""
-        if self._expected is None or not _same(self._expected, vehicle):
+        if self._expected is None or not _there(self._expected, vehicle):
             stream = np.random.default_rng((self._seed, vehicle.segments))
-            self._ahead = imagine(self._model, self._field, vehicle, self._tries, stream)
+            self._ahead = imagine(
+                self._model, self._settings, self._field, vehicle, self._tries, stream
+            )
         if not self._ahead:
             return None
-        action = self._ahead.pop(0)
-        self._expected = flight.advance(self._field, vehicle, action).state
+        action, end = self._ahead.pop(0)
+        self._expected = vehicle.segments + 1, end
         return action
+
+
+def _there(expected: tuple[int, Array], vehicle: flight.State) -> bool:
+    segments, position = expected
+    return vehicle.segments == segments and np.array_equal(vehicle.position, position)
 
 
 def imagine(
     model: Model,
+    settings: Settings,
     field: Field,
     vehicle: flight.State,
     tries: int,
     stream: np.random.Generator,
-) -> list[Action]:
-    """The actions of the shortest of some flights from a state to the goal.
+) -> list[Leg]:
+    """The shortest of some flights from a state to the goal.
 
     Args:
         model: flies them.
+        settings: of the environment that the model knows.
         field: where.
         vehicle: where they begin.
         tries: how many.
         stream: of the disturbances.
 
     Returns:
-        Those of the undisturbed flight, as far as it went, if none arrives.
+        The undisturbed flight, as far as it went, if none arrives.
     """
-    spreads = np.linspace(0.0, SPREAD, tries)
-    flights = [_Try(vehicle, spread, np.zeros(4), []) for spread in spreads.tolist()]
-    own, best = flights[0], None
-    while flights:
-        seen = observe(field, [one.vehicle for one in flights], model.settings)
-        fresh = stream.normal(size=(len(flights), 4))
-        actions = act(model.policy, seen)
-        for one, action, new in zip(flights, actions, fresh, strict=True):
-            one.disturbance = LASTING * one.disturbance + math.sqrt(1.0 - LASTING**2) * new
-            action += one.spread * one.disturbance
-        actions = np.clip(actions, -1.0, 1.0)
-        steps = flight.advance_all(field, [one.vehicle for one in flights], actions)
-        left = []
-        for one, action, step in zip(flights, actions, steps, strict=True):
-            one.actions.append(action)
-            one.length += float(step.inspection.length)
-            if step.outcome is Outcome.GOAL_REACHED:
-                best = one if best is None or one.length < best.length else best
-            elif step.outcome is Outcome.FLYING and (best is None or one.length < best.length):
-                one.vehicle = step.state
-                left.append(one)
-        flights = left
-    return (own if best is None else best).actions
-
-
-def _same(one: flight.State, other: flight.State) -> bool:
-    return one.segments == other.segments and np.array_equal(one.position, other.position)
+    flights = Imagined(field, vehicle, tries, settings)
+    spreads = np.linspace(0.0, SPREAD, tries)[:, None]
+    disturbances = np.zeros((tries, 4))
+    flown: list[tuple[NDArray[np.int64], Action, Array]] = []
+    best, shortest = 0, math.inf
+    while len(which := flights.which):
+        fresh = stream.normal(size=(len(which), 4))
+        disturbances = LASTING * disturbances + math.sqrt(1.0 - LASTING**2) * fresh
+        actions = model.network.act(flights.seen) + spreads[which] * disturbances
+        single = np.clip(actions, -1.0, 1.0).astype(np.float32)
+        flights.step(single)
+        flown.append((which, single, flights.ends.copy()))
+        arrived = np.flatnonzero(flights.arrived)
+        if len(arrived):
+            first = arrived[np.argmin(flights.lengths[arrived])]
+            if flights.lengths[first] < shortest:
+                best, shortest = which[first], float(flights.lengths[first])
+        promising = flights.flying & (flights.lengths < shortest)
+        flights.keep(promising)
+        disturbances = disturbances[promising]
+    return [
+        (actions[place], ends[place])
+        for which, actions, ends in flown
+        for place in np.flatnonzero(which == best)
+    ]

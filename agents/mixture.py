@@ -11,13 +11,11 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import MultiInputActorCriticPolicy
 from torch import Tensor, nn
 
+from agents.modes import LIKE, SCALE
+
 FINEST, COARSEST = 0.02, 1.0
 """Least and greatest standard deviation of a component, on the scale of actions."""
-_LIKE = 0.08
-"""How near the means of components are that mean the same way, on that scale."""
 _NORMAL = 0.5 * math.log(2.0 * math.pi)
-_SCALE = 0.3
-"""Of means, so that they begin where flights are flown."""
 
 
 class Mixture(DiagGaussianDistribution):
@@ -50,7 +48,7 @@ class Mixture(DiagGaussianDistribution):
         """
         rows = mean_actions.view(len(mean_actions), self.components, 1 + 2 * self.action_dim)
         self.log_weights = torch.log_softmax(rows[:, :, 0], dim=1)
-        self.means = _SCALE * rows[:, :, 1 : 1 + self.action_dim]
+        self.means = SCALE * rows[:, :, 1 : 1 + self.action_dim]
         spreads = rows[:, :, 1 + self.action_dim :] + log_std
         # before the exponential: what overflows there has no gradient but NaN
         self.spreads = spreads.clamp(math.log(FINEST), math.log(COARSEST)).exp()
@@ -74,11 +72,12 @@ class Mixture(DiagGaussianDistribution):
     def mode(self) -> Tensor:
         """Actions (n, action_dim): the mean of the components that agree on the likeliest way.
 
-        The density's own maximum would be wherever a component is narrowest.
+        The density's own maximum would be wherever a component is narrowest. `agents.modes` has
+        the same compiled.
         """
         weights = self.log_weights.exp()
         apart = (self.means[:, :, None] - self.means[:, None]).square().sum(dim=3)
-        alike = torch.exp(-apart / (2.0 * _LIKE**2)) * weights[:, None]
+        alike = torch.exp(-apart / (2.0 * LIKE**2)) * weights[:, None]
         rows = torch.arange(len(weights))
         chosen = alike[rows, alike.sum(dim=2).argmax(dim=1)]
         return (chosen[:, :, None] * self.means).sum(dim=1) / chosen.sum(dim=1, keepdim=True)

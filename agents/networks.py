@@ -12,21 +12,17 @@ from stable_baselines3.sac.policies import MultiInputPolicy as SACPolicy
 from stable_baselines3.td3.policies import MultiInputPolicy as TD3Policy
 from torch import nn
 
+from agents.architecture import MIXTURE, ON_POLICY, PLAIN, SETS
 from agents.extractors import Attention, DeepSets, Plain
 from agents.mixture import MixturePolicy
 
 _FEATURES: dict[str, type[BaseFeaturesExtractor]] = {
-    "mlp": Plain,
-    "deepsets": DeepSets,
+    PLAIN: Plain,
+    SETS: DeepSets,
     "attention": Attention,
 }
-_MIXTURE = "-mixture"
-"""Ends the name of a policy that mixes Gaussians, for the algorithms that take one."""
-POLICIES = (*_FEATURES, *(f"{name}{_MIXTURE}" for name in _FEATURES))
+POLICIES = (*_FEATURES, *(f"{name}{MIXTURE}" for name in _FEATURES))
 """Names of policies."""
-
-ON_POLICY = ("ppo", "bc", "dagger")
-"""Algorithms whose policies are actor and critic in one, and take one another's weights."""
 
 _CLASSES: dict[str, type[BasePolicy]] = {
     **dict.fromkeys(ON_POLICY, MultiInputActorCriticPolicy),
@@ -53,7 +49,7 @@ def policy_class(algorithm: str, name: str) -> type[BasePolicy]:
         raise ValueError(f"unknown algorithm {algorithm!r}; known are {', '.join(_CLASSES)}")
     if name not in POLICIES:
         raise ValueError(f"unknown policy {name!r}; policies are {', '.join(POLICIES)}")
-    if not name.endswith(_MIXTURE):
+    if not name.endswith(MIXTURE):
         return _CLASSES[algorithm]
     if algorithm not in ON_POLICY:
         raise ValueError(
@@ -80,5 +76,5 @@ def features(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
                 f"unknown activation_fn {activation!r}; known are {', '.join(_ACTIVATIONS)}"
             )
         kwargs["activation_fn"] = _ACTIVATIONS[activation]
-    extractor = _FEATURES[name.removesuffix(_MIXTURE)]
+    extractor = _FEATURES[name.removesuffix(MIXTURE)]
     return {**kwargs, "features_extractor_class": extractor}

@@ -5,10 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-import torch
-
-from agents import models
-from agents.batched import act
+from agents import cards, models
 from agents.models import Model
 from agents.warm_up import small_field
 from ferguson_gym import flight
@@ -22,13 +19,11 @@ class Pilot:
     """A model as a policy (`agents.policies.Policy`); it flies what it thinks best.
 
     It sees what it was trained to see, whatever the environment shows, and flies the very
-    flights that `agents.batched.fly_batch` does. In its process torch keeps to one thread.
+    flights that `agents.batched.fly_batch` does. A model of torch keeps it to one thread for good.
     """
 
     def __init__(self, model: Model) -> None:
-        self._policy, self._settings = model.policy, model.settings
-        torch.set_num_threads(1)  # for good; `act` sees to it that it stays so
-        self.model = model
+        self.model, self._settings = model, model.settings
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field; the seed changes nothing."""
@@ -37,7 +32,7 @@ class Pilot:
     def act(self, observation: Observation, vehicle: flight.State) -> Action:
         """The next action (4,)."""
         seen = observe(self._field, [vehicle], self._settings)
-        action: Action = act(self._policy, seen)[0]
+        action: Action = self.model.network.act(seen)[0]
         return action
 
 
@@ -47,7 +42,7 @@ def pilot(directory: Path) -> Pilot:
     Raises:
         ValueError: as `agents.models.load`.
     """
-    files = [directory / name for name in (models.MODEL, models.CARD)]
+    files = [directory / name for name in (models.MODEL, cards.CARD)]
     return Pilot(_ready(directory.resolve(), *(_stamp(file) for file in files)))
 
 

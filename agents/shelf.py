@@ -1,6 +1,6 @@
 """Where learned agents lie: those shipped with the package, by name, and trained ones, by path.
 
-Nothing here imports torch: names are checked without it.
+Names are checked without torch, and most agents fly without it.
 """
 
 from __future__ import annotations
@@ -9,11 +9,14 @@ import importlib.util
 import json
 from pathlib import Path
 
+from agents import models
+from agents.cards import CARD
+
 SHIPPED = Path(__file__).parent / "shipped"
 """A directory with `model.zip` and `model.json` for each shipped agent."""
 BEST = "best"
 """Another name for the best of them; `best.json` there says which it is, options included."""
-_FILES = ("model.zip", "model.json")
+_FILES = (models.MODEL, CARD)
 
 
 def shipped() -> dict[str, Path]:
@@ -46,9 +49,16 @@ def find(name: str) -> Path | None:
         ValueError: there is one, and what it needs is not installed.
     """
     place = shipped().get(name) or _at(Path(name))
-    if place is not None:
+    if place is not None and _needs_torch(place):
         need(f"agent {name!r}")
     return place
+
+
+def _needs_torch(place: Path) -> bool:
+    try:
+        return models.needs_torch(place)
+    except ValueError:  # which is said when it is loaded
+        return False
 
 
 def _at(path: Path) -> Path | None:
@@ -60,7 +70,7 @@ def _at(path: Path) -> Path | None:
 
 
 def need(what: str, *modules: str) -> None:
-    """See that the libraries of learned agents are there, without importing them.
+    """See that the libraries are there that agents learn with, without importing them.
 
     Raises:
         ValueError: one is not installed.

@@ -27,9 +27,10 @@ from torch.utils.tensorboard import SummaryWriter
 
 from agents import networks, training, training_demos
 from agents.arguments import DONE, Job
+from agents.cards import Card
 from agents.cloning import Cloner
 from agents.lessons import Lessons
-from agents.models import Card, Model
+from agents.torch_models import Learned
 from agents.training import Run
 from agents.training_pace import Pace, Stop, stop_on_interrupt
 from agents.training_recipe import slope
@@ -160,7 +161,7 @@ class _School:
 
         return Cloner(self._shell.policy, rate, self._told["violation"])
 
-    def begin_with(self, start: Model) -> None:
+    def begin_with(self, start: Learned) -> None:
         """Know what a model knows."""
         self._shell.policy.load_state_dict(start.policy.state_dict())
         self._cloner = self._new_cloner()

@@ -11,11 +11,12 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents import machine, models
+from agents import machine, models, torch_models
 from agents.batched import Score, fly_batch, score
-from agents.models import Card, Model
+from agents.cards import CARD, Card, read_card, write_card
 from agents.results import write_csv
 from agents.tables import console
+from agents.torch_models import Learned
 from agents.training import Run
 from ferguson_gym.catalog import select
 from ferguson_gym.files import written_whole
@@ -56,8 +57,8 @@ class Record:
         self.curve = [row for row in _read_curve(run.directory / CURVE) if row["steps"] <= steps]
         self.best: float | None = None
         """The highest SPL of any model so far."""
-        if (self._best / models.CARD).is_file():
-            known = models.read_card(self._best / models.CARD)
+        if (self._best / CARD).is_file():
+            known = read_card(self._best / CARD)
             self.best = known.results["chosen_on"]["spl"]
 
     def consider(
@@ -71,7 +72,9 @@ class Record:
             seconds: since the training began, breaks left out.
             also: what else belongs into the curve.
         """
-        found = score(fly_batch(Model(model.policy, self._card), select(self._run.chosen_on)))
+        found = score(
+            fly_batch(Learned(model.policy, self._card).model, select(self._run.chosen_on))
+        )
         row = {
             "steps": steps,
             "minutes": round(seconds / 60.0, 3),
@@ -85,7 +88,7 @@ class Record:
             results = {"chosen_on": _told(self._run.chosen_on, found)}
             self._best.mkdir(parents=True, exist_ok=True)
             card = dataclasses.replace(self._card, curve=self.curve, results=results)
-            models.save(self._best, model, card)
+            torch_models.save(self._best, model, card)
             self.best = found.spl
         columns = list(dict.fromkeys([*_COLUMNS, *(key for row in self.curve for key in row)]))
         write_csv(self._run.directory / CURVE, columns, _cells(self.curve, columns))
@@ -101,8 +104,7 @@ class Record:
         directory = self._run.directory
         with written_whole(directory / models.MODEL) as temporary:
             shutil.copyfile(self._best / models.MODEL, temporary)
-        with written_whole(directory / models.CARD) as temporary:
-            temporary.write_text(card.to_json(), encoding="utf-8")
+        write_card(directory, card)
         gap = "no gap" if found.gap is None else f"median gap {found.gap:.2%}"
         console().print(
             f"{self._run.reported_on}: success {found.success:.2%} ({found.success_low:.2%} to "

@@ -19,9 +19,11 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents import models, networks, training, training_checkpoint, training_demos
+from agents import networks, torch_models, training, training_checkpoint, training_demos
+from agents.architecture import ON_POLICY
 from agents.arguments import DONE, Job
-from agents.models import Card, Model
+from agents.cards import Card, check_environment
+from agents.torch_models import Learned
 from agents.training import Run
 from agents.training_pace import Falling, Pace, Stop, stop_on_interrupt
 from agents.training_recipe import slope
@@ -83,21 +85,21 @@ def prepare(run: Run) -> Job:
     return job
 
 
-def starting_model(run: Run) -> Model:
+def starting_model(run: Run) -> Learned:
     """The model that a run begins with.
 
     Raises:
         ValueError: there is none, or this algorithm has no use for it.
     """
     assert run.start is not None
-    start = models.load(run.start)
+    start = torch_models.load(run.start)
     theirs, mine = start.card.algorithm, run.algorithm
-    if theirs != mine and not {theirs, mine} <= set(networks.ON_POLICY):
+    if theirs != mine and not {theirs, mine} <= set(ON_POLICY):
         raise ValueError(f"--from {run.start}: {mine} cannot go on with a model of {theirs}")
     return start
 
 
-def card_for(run: Run, start: Model | None) -> Card:
+def card_for(run: Run, start: Learned | None) -> Card:
     """The card of the run's models; what it begins with decides on the network and what it sees.
 
     Raises:
@@ -110,9 +112,9 @@ def card_for(run: Run, start: Model | None) -> Card:
         policy, policy_kwargs = start.card.policy, start.card.policy_kwargs
         seen = {key: start.card.environment[key] for key in _VIEW if key in start.card.environment}
         environment = {key: environment[key] for key in environment if key not in _VIEW} | seen
-    models.check_environment(environment, "env_kwargs: ")
+    check_environment(environment, "env_kwargs: ")
     card = card_of(run, policy, policy_kwargs, environment)
-    models.build(card)
+    torch_models.build(card)
     return card
 
 

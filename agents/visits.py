@@ -20,10 +20,11 @@ from joblib import Parallel, delayed
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
-from agents import models
-from agents.batched import act, one_thread
+from agents import torch_models
+from agents.cards import Card, card_from
 from agents.lessons import COLUMNS, row
-from agents.models import Card
+from agents.models import Network
+from agents.torch_models import Learned
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
@@ -117,13 +118,13 @@ def _deaf() -> Iterator[None]:
 
 def visit(asked: Visit) -> Visited:
     """Fly the learner by the actions it thinks best, and ask the expert in every state."""
-    with one_thread():
-        return _visit(asked)
+    network = _network(asked)
+    with network.at_work():
+        return _visit(asked, network)
 
 
-def _visit(asked: Visit) -> Visited:
-    policy, planner = _learner(asked.card), _expert(asked.expert)
-    policy.load_state_dict(asked.weights)
+def _visit(asked: Visit, network: Network) -> Visited:
+    planner = _expert(asked.expert)
     settings = settings_of(asked.card.environment)
     stream = np.random.default_rng(asked.stream)
     flights = []
@@ -137,7 +138,7 @@ def _visit(asked: Visit) -> Visited:
         over = False
         while not over:
             seen = observe_one(one.field, one.vehicle, settings)
-            action = act(policy, {key: value[None] for key, value in seen.items()})[0]
+            action = network.act({key: value[None] for key, value in seen.items()})[0]
             over, refused = _step(one, action, planner)
             steps, failures = steps + 1, failures + refused
     rows = [lesson for one in flights for lesson in one.rows]
@@ -181,12 +182,14 @@ def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
 
 @lru_cache(maxsize=2)
 def _learner_of(text: str) -> BasePolicy:
-    return models.build(models.card_from(text))
+    return torch_models.build(card_from(text))
 
 
-def _learner(card: Card) -> BasePolicy:
-    """A network as the card says, one for all visits of a process."""
-    return _learner_of(card.to_json())
+def _network(asked: Visit) -> Network:
+    """The learner as it flies; torch has one network as the card says for all of a process."""
+    policy = _learner_of(asked.card.to_json())
+    policy.load_state_dict(asked.weights)
+    return Learned(policy, asked.card).model.network
 
 
 @lru_cache(maxsize=1)

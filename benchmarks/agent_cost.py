@@ -1,6 +1,6 @@
 """What a flight costs: processor time of agents beside planners, and beside the paper's solver.
 
-Run it from a checkout with the extra `agents`:
+Run it from a checkout:
 
     .venv/bin/python benchmarks/agent_cost.py --fields standard/validation:0-99 --slow 10
 
@@ -18,7 +18,6 @@ from collections.abc import Sequence
 
 import numba
 import numpy as np
-import torch
 from rich.table import Table
 
 from agents import shelf, tables
@@ -55,7 +54,6 @@ def main() -> None:
     parser.add_argument("--policy", action="append")
     given = parser.parse_args()
     numba.set_num_threads(1)
-    torch.set_num_threads(1)
     fields = list(select(given.fields))
     names = given.policy or [
         "best",

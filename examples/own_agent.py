@@ -25,7 +25,8 @@ import numpy as np
 from stable_baselines3 import PPO
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
-from agents import models, networks
+from agents import networks, torch_models
+from agents.cards import Card
 from agents.flights import fly
 from agents.policies import Policy, make_policy
 from agents.vec_env import ObstacleFieldVecEnv
@@ -81,7 +82,7 @@ def train(steps: int, seed: int, directory: Path) -> None:
     )
     if steps:
         model.learn(steps)
-    card = models.Card(
+    card = Card(
         algorithm="ppo",
         policy="mlp",
         policy_kwargs=NETWORK,
@@ -90,7 +91,7 @@ def train(steps: int, seed: int, directory: Path) -> None:
         settings=LEARNER,
     )
     directory.mkdir(parents=True, exist_ok=True)
-    models.save(directory, model, card)
+    torch_models.save(directory, model, card)
 
 
 def tell(name: str, policy: Policy, fields: list[Field]) -> float:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 F = TypeVar("F", bound=Callable[..., object])
 T = TypeVar("T")
 
-PACKAGES = ("ferguson_gym", "planners")
+PACKAGES = ("ferguson_gym", "planners", "agents")
 """Packages with compiled functions."""
 _IMPORT = re.compile(r"^\s*(?:from|import) .*", re.MULTILINE)
 _WORD = re.compile(r"\w+")

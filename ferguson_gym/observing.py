@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
 from ferguson_gym.bank import planar_discs
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation, entries_of, look
+from ferguson_gym.observations import Layout, Observation, entries_of, look
 from ferguson_gym.settings import Settings
+
+
+@lru_cache(maxsize=16)
+def _layout(settings: Settings) -> Layout:
+    """The settings' own, made once: to make it takes longer than to look."""
+    return settings.layout
 
 
 def observe_one(field: Field, vehicle: State, settings: Settings) -> Observation:
@@ -31,19 +38,22 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
         ValueError: a field that is not planar.
     """
     discs = planar_discs(field)
-    layout, most = settings.layout, settings.limits.segments  # made anew each time they are asked
+    layout, most = _layout(settings), settings.segments
     sizes, count = layout.entries(), len(vehicles)
     seen = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
     work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
+    position, derivative = np.empty(2), np.empty(2)
     for i, vehicle in enumerate(vehicles):
+        # copied: for memory that may not be written, another kernel would be compiled
+        position[:], derivative[:] = vehicle.position, vehicle.derivative
         look(
             seen,
             i,
             count,
             layout,
-            vehicle.position,
-            vehicle.derivative,
+            position,
+            derivative,
             1.0 - vehicle.segments / most,
             field.goal,
             field.bounds,

@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import Any
 
+import torch
 from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents import models, networks
-from agents.models import Card
+from agents import networks, torch_models
+from agents.cards import Card
+from agents.torch_models import Learned
 from agents.vec_env import ObstacleFieldVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
@@ -25,6 +27,18 @@ def card_of(algorithm: str = "ppo", environment: dict[str, Any] | None = None) -
     )
 
 
+def learned(algorithm: str, environment: dict[str, Any]) -> Learned:
+    """A policy that flies some way before it ends."""
+    torch.manual_seed(1)
+    card = card_of(algorithm, environment)
+    policy = torch_models.build(card)
+    with torch.no_grad():
+        for name, parameter in policy.named_parameters():
+            if name in ("action_net.weight", "actor.mu.weight", "actor.mu.0.weight"):
+                parameter *= 0.3
+    return Learned(policy, card)
+
+
 def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
     """The directory, with a model in it."""
     card = card or card_of()
@@ -39,5 +53,5 @@ def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
         **few or {"buffer_size": 10},
     )
     directory.mkdir(parents=True, exist_ok=True)
-    models.save(directory, model, card)
+    torch_models.save(directory, model, card)
     return directory

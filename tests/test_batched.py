@@ -9,8 +9,7 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents import models
-from agents.batched import BLOCK, act, fly_batch, one_thread, score
+from agents.batched import fly_batch, score
 from agents.flights import fly
 from agents.models import Model
 from agents.pilots import Pilot
@@ -19,7 +18,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from planners.shortest import exact_length
-from tests.small_models import ALGORITHMS, DISCS, RAYS, card_of
+from tests.small_models import ALGORITHMS, DISCS, RAYS, learned
 
 CROWDED = Field(
     name="crowded", obstacles=Discs(np.random.default_rng(0).uniform(20, 90, (130, 2)), [2.0] * 130)
@@ -29,14 +28,7 @@ FIELDS = [*select("sparse/train:0-7"), *select("traps/train:0-1"), CROWDED]
 
 def model_of(algorithm: str, environment: dict) -> Model:
     """A model that flies some way before it ends."""
-    torch.manual_seed(1)
-    card = card_of(algorithm, environment)
-    policy = models.build(card)
-    with torch.no_grad():
-        for name, parameter in policy.named_parameters():
-            if name in ("action_net.weight", "actor.mu.weight", "actor.mu.0.weight"):
-                parameter *= 0.3
-    return Model(policy, card)
+    return learned(algorithm, environment).model
 
 
 @pytest.mark.parametrize("environment", [RAYS, DISCS])
@@ -55,63 +47,14 @@ def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment
             assert (mine.length, mine.gap) == (theirs.length, theirs.gap)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_actions_are_those_of_the_library(algorithm: str) -> None:
-    model = model_of(algorithm, RAYS)
-    stream = np.random.default_rng(0)
-    boxes = model.policy.observation_space.spaces
-    seen = {
-        key: stream.uniform(-1, 1, (BLOCK, *box.shape)).astype(np.float32)
-        for key, box in boxes.items()
-    }
-    theirs, _ = model.policy.predict(seen, deterministic=True)
-    np.testing.assert_array_equal(act(model.policy, seen), theirs)
-
-
-@pytest.mark.parametrize("threads", [1, 2])
-def test_a_row_is_treated_alike_wherever_it_stands(threads: int) -> None:
-    model = model_of("ppo", {"observation": "rays"})
-    stream = np.random.default_rng(0)
-    space = model.policy.observation_space
-    sizes = {key: box.shape[0] for key, box in space.spaces.items()}
-    seen = {
-        key: stream.uniform(-1, 1, (3 * BLOCK + 5, size)).astype(np.float32)
-        for key, size in sizes.items()
-    }
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        together = act(model.policy, seen)
-        order = stream.permutation(len(together))
-        shuffled = act(model.policy, {key: value[order] for key, value in seen.items()})
-        singly = [act(model.policy, {k: v[i : i + 1] for k, v in seen.items()})[0] for i in order]
-        assert torch.get_num_threads() == 1
-    finally:
-        torch.set_num_threads(before)
-    np.testing.assert_array_equal(shuffled, together[order])
-    np.testing.assert_array_equal(singly, together[order])
-
-
-def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
-    before = torch.get_num_threads()
-    torch.set_num_threads(2)
-    try:
-        fly_batch(model_of("ppo", RAYS), FIELDS[:2])
-        assert torch.get_num_threads() == 2
-        with pytest.raises(ZeroDivisionError), one_thread():
-            _ = 1 / (torch.get_num_threads() - 1)
-        assert torch.get_num_threads() == 2
-    finally:
-        torch.set_num_threads(before)
-
-
 def test_scores_are_those_of_the_definitions() -> None:
     near = Field(name="near", obstacles=Discs([], []), goal=[12.9, 12.9])
     far = Field(name="far", obstacles=Discs([[20.0, 20.0]], [8.0]))
-    model = model_of("ppo", RAYS)
+    straight = learned("ppo", RAYS)
     with torch.no_grad():
-        for parameter in model.policy.action_net.parameters():
+        for parameter in straight.policy.action_net.parameters():
             parameter.zero_()  # straight on: zero is 9 m ahead
+    model = straight.model
     flights = fly_batch(model, [near, far, far], num=2)
     assert [flight.outcome for flight in flights] == [
         Outcome.GOAL_REACHED,

@@ -10,13 +10,14 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents import models
+from agents import torch_models
+from agents.cards import Card
 from agents.cloning import AVERAGED, Cloner
 from agents.lessons import Lesson, Lessons, row
-from agents.models import Card
 from agents.symmetry import mirrored
 from ferguson_gym.actions import encode
 from ferguson_gym.catalog import one, select
+from ferguson_gym.interface import settings_of
 from planners.interface import depart
 from planners.pursuit import Pursuit
 
@@ -30,7 +31,7 @@ CARD = Card(
 
 @pytest.fixture(scope="module")
 def lessons() -> Lessons:
-    known = Lessons(models.settings_of(CARD.environment))
+    known = Lessons(settings_of(CARD.environment))
     for field in select("dense/train:0-2"):
         plan = Pursuit().plan(field, depart(field), 0)
         rows = []
@@ -48,7 +49,7 @@ def drawn(lessons: Lessons, number: int = 32) -> Lesson:
 
 def cloner(rate: float = 1e-2, price: float = 8.0) -> Cloner:
     torch.manual_seed(0)
-    policy: Any = models.build(CARD)
+    policy: Any = torch_models.build(CARD)
     return Cloner(policy, lambda: rate, price)
 
 
@@ -91,7 +92,7 @@ def test_what_flies_is_the_average_of_what_learns(lessons: Lessons) -> None:
 def test_the_rate_is_asked_for_at_each_update(lessons: Lessons) -> None:
     rates = iter([1e-2, 0.0])
     torch.manual_seed(0)
-    policy: Any = models.build(CARD)
+    policy: Any = torch_models.build(CARD)
     school = Cloner(policy, lambda: next(rates), 8.0)
     before = weights(school.learner)
     school.update(drawn(lessons), in_the_mirror=False)

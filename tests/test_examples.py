@@ -89,7 +89,7 @@ def test_the_own_agent_is_trained_on_its_reward_and_evaluated_by_its_path(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("stable_baselines3")
-    from agents import models
+    from agents import torch_models
 
     few = ["--fields", "sparse/validation:23-26"]  # the way is free in the first
     _, text = run("own_agent.py", "--steps", "4096", *few)
@@ -98,7 +98,7 @@ def test_the_own_agent_is_trained_on_its_reward_and_evaluated_by_its_path(
     assert main(printed_command(text)) == 0
     assert "own-agent" in capsys.readouterr().out
     before, after = (
-        models.load(f"results/examples/{name}").policy.state_dict()
+        torch_models.load(f"results/examples/{name}").policy.state_dict()
         for name in ("untrained", "own-agent")
     )
     assert any((after[key] != before[key]).any() for key in before)

@@ -2,42 +2,39 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
 import numpy as np
 import pytest
 
-pytest.importorskip("torch")
-
-import torch
-from stable_baselines3.common.policies import BasePolicy
-
+from agents.cards import Card
 from agents.flights import Flight, fly
 from agents.imagining import MOST, Imagining
-from agents.models import Card, Model
+from agents.models import Model
 from agents.pilots import Pilot
 from agents.policies import make_policy
 from ferguson_gym import flight
+from ferguson_gym.actions import Action
 from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import action_space, observation_space
+from ferguson_gym.observations import Observation
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import Settings
 
 
-class Straight(BasePolicy):
+class Straight:
     """Turns towards the goal, whatever stands in the way, and slows down before it."""
 
-    def __init__(self) -> None:
-        super().__init__(observation_space(Settings()), action_space())
+    def act(self, seen: Observation) -> Action:
+        goal = seen["goal"]
+        near = goal[:, 0] * 170.0 < 12.0
+        turn = (0.2 * goal[:, 2]).clip(-0.5, 0.5)
+        zero = np.zeros_like(turn)
+        return np.stack([-0.2 - 0.2 * near, turn, zero, zero], axis=1).astype(np.float32)
 
-    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
-        goal = observation["goal"]
-        near = (goal[:, 0] * 170.0 < 12.0).float()
-        turn = (0.2 * goal[:, 2]).clamp(-0.5, 0.5)
-        zero = torch.zeros_like(turn)
-        return torch.stack([-0.2 - 0.2 * near, turn, zero, zero], dim=1)
+    def at_work(self) -> AbstractContextManager[None]:
+        return nullcontext()
 
 
 PILOT = Pilot(

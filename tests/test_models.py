@@ -1,6 +1,5 @@
 """Learned models on disk: what is saved is what flies, and what is no model is refused."""
 
-import dataclasses
 import io
 import json
 import os
@@ -21,7 +20,7 @@ from agents import models
 from agents.batched import fly_batch
 from agents.command_line import main
 from ferguson_gym.catalog import select
-from tests.small_models import ALGORITHMS, DISCS, card_of, saved
+from tests.small_models import DISCS, saved
 
 FIELDS = "sparse/train:0-5"
 
@@ -61,27 +60,6 @@ def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Pa
     np.testing.assert_array_equal(np.load(tmp_path / "control.npy"), control)
 
 
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_what_is_loaded_is_what_was_saved(algorithm: str, tmp_path: Path) -> None:
-    card = dataclasses.replace(
-        card_of(algorithm, DISCS), seed=3, commit="c0ffee", curve=[{"steps": 1}], results={"a": 0.5}
-    )
-    loaded = models.load(saved(tmp_path, card) / "model.zip")
-    assert loaded.card == card
-    kept = ALGORITHMS[algorithm].load(tmp_path / "model.zip", device="cpu").policy
-    for one, other in zip(loaded.policy.parameters(), kept.parameters(), strict=True):
-        assert torch.equal(one, other)
-
-
-def test_a_slim_copy_flies_the_same(model: Path, tmp_path: Path) -> None:
-    models.slim(model, tmp_path / "slim")
-    size, whole = ((place / "model.zip").stat().st_size for place in (tmp_path / "slim", model))
-    assert size < 0.6 * whole
-    flown = [fly_batch(models.load(place), select(FIELDS)) for place in (model, tmp_path / "slim")]
-    for mine, theirs in zip(*flown, strict=True):
-        np.testing.assert_array_equal(mine.control, theirs.control)
-
-
 def refusal(place: Path, match: str) -> None:
     with pytest.raises(ValueError, match=match):
         models.load(place)
@@ -105,19 +83,10 @@ def test_a_zip_cut_short_is_refused(copy: Path, share: float) -> None:
     refusal(copy, r"model\.zip: .*cut short")
 
 
-def test_a_zip_with_a_byte_changed_is_refused(copy: Path) -> None:
-    whole = bytearray((copy / "model.zip").read_bytes())
-    with zipfile.ZipFile(copy / "model.zip") as archive:
-        at = archive.getinfo("policy.pth").header_offset + 2000
-    whole[at] ^= 1
-    (copy / "model.zip").write_bytes(whole)
-    refusal(copy, r"model\.zip: ")
-
-
 def test_a_foreign_zip_is_refused(copy: Path) -> None:
     with zipfile.ZipFile(copy / "model.zip", "w") as archive:
         archive.writestr("holiday.txt", "sun")
-    refusal(copy, r"model\.zip: no policy\.pth in it: cut short, or no model that was saved here")
+    refusal(copy, r"model\.zip: no weights in it: cut short, or no model that was saved here")
 
 
 class Bomb:
@@ -139,32 +108,11 @@ def test_no_code_in_a_model_is_run(copy: Path, tmp_path: Path) -> None:
             archive.writestr("policy.pth", bomb)
             archive.writestr("data", pickle.dumps(Bomb(trace)))
             archive.writestr("other.pth", bomb)
+            archive.writestr("holiday.npy", bomb)
         refusal(copy, r"policy\.pth does not hold weights alone, and nothing else is read")
     assert not trace.exists()
     pickle.loads(pickle.dumps(Bomb(trace)))
     assert trace.exists()  # it would have
-
-
-def test_weights_that_are_none_are_refused(copy: Path) -> None:
-    for weights, match in (
-        ([1.0], "does not hold weights"),
-        ({"a": torch.zeros(2)}, "not those of the network that model.json describes"),
-    ):
-        packed = io.BytesIO()
-        torch.save(weights, packed)
-        with zipfile.ZipFile(copy / "model.zip", "w") as archive:
-            archive.writestr("policy.pth", packed.getvalue())
-        refusal(copy, match)
-
-
-def test_weights_that_are_not_finite_are_refused(copy: Path) -> None:
-    weights = models.load(copy).policy.state_dict()
-    weights["action_net.bias"][2] = torch.nan
-    packed = io.BytesIO()
-    torch.save(weights, packed)
-    with zipfile.ZipFile(copy / "model.zip", "w") as archive:
-        archive.writestr("policy.pth", packed.getvalue())
-    refusal(copy, r"model\.zip: weights that are not finite")
 
 
 @pytest.mark.parametrize(

@@ -4,11 +4,13 @@ import importlib.util
 import json
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import pytest
 
 from agents import shelf
+from agents.cards import Card
 from agents.policies import make_policy
 
 
@@ -72,6 +74,9 @@ def test_what_agents_need_is_said_where_it_is_missing(
     shipped: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda module: module != "torch" or None)
+    card = Card(algorithm="sac", policy="mlp", policy_kwargs={}, environment={})
+    (shipped / "ace" / "model.json").write_text(card.to_json())
+    zipfile.ZipFile(shipped / "ace" / "model.zip", "w").close()
     with pytest.raises(ValueError, match=r"'ace' needs torch: pip install 'ferguson-gym\[agents"):
         make_policy("best")
 

@@ -16,7 +16,7 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, training_checkpoint, training_demos
+from agents import models, torch_models, training_checkpoint, training_demos
 from agents.batched import fly_batch, score
 from agents.command_line import main
 from agents.training import ALGORITHMS, Run
@@ -69,7 +69,7 @@ def curve_of(directory: Path) -> list[dict[str, str]]:
 
 
 def weights_of(directory: Path) -> list[torch.Tensor]:
-    return list(models.load(directory).policy.state_dict().values())
+    return list(torch_models.load(directory).policy.state_dict().values())
 
 
 def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:

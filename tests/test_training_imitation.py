@@ -21,7 +21,7 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, training_demos, visits
+from agents import models, torch_models, training_demos, visits
 from agents.batched import fly_batch, score
 from agents.cloning import Cloner
 from agents.command_line import main
@@ -104,7 +104,7 @@ def curve_of(directory: Path) -> list[dict[str, str]]:
 
 
 def weights_of(directory: Path) -> list[torch.Tensor]:
-    return list(models.load(directory).policy.state_dict().values())
+    return list(torch_models.load(directory).policy.state_dict().values())
 
 
 def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:

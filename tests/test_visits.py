@@ -10,16 +10,18 @@ pytest.importorskip("sb3_contrib")
 import torch
 from joblib import Parallel, delayed
 
-from agents import models
-from agents.batched import act
+from agents import torch_models
+from agents.cards import Card
+from agents.forward import Forward
 from agents.lessons import COLUMNS
-from agents.models import Card
+from agents.torch_models import Learned
 from agents.visits import Visit, somewhere, visit
 from ferguson_gym import flight
 from ferguson_gym.actions import encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import one
 from ferguson_gym.flight import State
+from ferguson_gym.interface import settings_of
 from ferguson_gym.observing import observe_one
 from ferguson_gym.outcome import Outcome
 from planners import interface
@@ -37,7 +39,7 @@ SEEDS = range(30, 34)
 
 def weights(seed: int = 0) -> dict[str, Any]:
     torch.manual_seed(seed)
-    return models.build(CARD).state_dict()
+    return torch_models.build(CARD).state_dict()
 
 
 def asked(**changes: Any) -> Visit:
@@ -88,9 +90,10 @@ def test_the_same_visit_in_another_process_gives_the_same_rows() -> None:
 
 def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
     found = visit(asked(scattered=0.0))
-    policy, planner = models.build(CARD), make("pursuit")
+    policy, planner = torch_models.build(CARD), make("pursuit")
     assert isinstance(planner, Replanner)
     policy.load_state_dict(weights())
+    network = Learned(policy, CARD).model.network
     failures = 0
     assert sorted(set(found.rows[:, 0])) == list(SEEDS)
     for seed in SEEDS:
@@ -107,7 +110,7 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
             lesson = encode(chain[0], vehicle.position, vehicle.derivative)
             np.testing.assert_array_equal(np.float32(row[6:10]), lesson)
             seen = observe_one(field, vehicle, CARD_SETTINGS)
-            action = act(policy, {key: value[None] for key, value in seen.items()})[0]
+            action = network.act({key: value[None] for key, value in seen.items()})[0]
             step = flight.advance(field, vehicle, action)
             if not step.flown:
                 failures += 1
@@ -126,7 +129,7 @@ def test_a_learner_that_is_always_refused_sees_the_expert_s_flight(
 ) -> None:
     # 2.4 m are too short anywhere
     back = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
-    monkeypatch.setattr("agents.visits.act", lambda policy, seen: back[None])
+    monkeypatch.setattr(Forward, "act", lambda self, seen: back[None])
     found = visit(asked(scattered=0.0))
     assert found.failures == found.steps == len(found.rows)
     assert (found.rows[:, 10] == 1.0).all()
@@ -196,4 +199,4 @@ def test_somewhere_is_free_inside_the_bounds_and_on_some_way() -> None:
     assert np.corrcoef(np.array(flown).T)[0, 1] < -0.8
 
 
-CARD_SETTINGS = models.settings_of(CARD.environment)
+CARD_SETTINGS = settings_of(CARD.environment)
