@@ -20,6 +20,8 @@ from ferguson_gym.suites import LAST_SEED
 Job = Callable[[], int]
 """Work whose input was checked; returns the exit status."""
 DONE, BAD_INPUT = 0, 2
+_LONG = 400
+"""Characters of a message that are shown at its beginning, and at its end."""
 GOES_ON = "ferguson: the same command goes on where this one stopped"
 """Told to whoever interrupts."""
 
@@ -49,7 +51,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Say what was wrong, and where to read what would be right."""
-        self.exit(BAD_INPUT, f"{self.prog}: {message} (see {self.prog} --help)\n")
+        self.exit(BAD_INPUT, f"{self.prog}: {shortened(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """As its base; but a group without a command shows its help, and nothing is left over."""
@@ -76,6 +78,12 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(
                 action, f"invalid choice: {value!r}{near}; choose from {known}"
             )
+
+
+def shortened(message: str) -> str:
+    """A message in one line; where it repeats something endless, without the middle."""
+    line = " ".join(message.split())
+    return line if len(line) <= 2 * _LONG else f"{line[:_LONG]} ... {line[-_LONG:]}"
 
 
 def add_manners(command: argparse.ArgumentParser) -> None:
@@ -166,6 +174,13 @@ def _above_none(text: str, what: str) -> float:
     return number
 
 
+def directory(text: str) -> Path:
+    """The path of a directory, there or not."""
+    if not text or "\0" in text:
+        raise argparse.ArgumentTypeError(f"need the path of a directory, got {text!r}")
+    return Path(text)
+
+
 def check_directory(out: Path) -> None:
     """Refuse a place for results that is a file or below one, or where nothing can be written.
 
@@ -198,8 +213,8 @@ def check_number(
     fields = sum(_size(_numbers(spec)) for spec in specs)
     if (flights := fields * _size(seeds) * policies) > most:
         raise ValueError(
-            f"{', '.join(specs)} with {_size(seeds)} seeds and {policies} policies are {flights} "
-            f"flights, and more than {most} cannot be asked for at once"
+            f"at most {most} flights can be asked for at once, got {flights}: fields "
+            f"{', '.join(specs)}, {_size(seeds)} x seeds, {policies} x policies"
         )
 
 

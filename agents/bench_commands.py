@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from agents.arguments import (
     DONE,
@@ -11,6 +10,7 @@ from agents.arguments import (
     add_manners,
     check_directory,
     check_number,
+    directory,
     duration,
     positive,
     refuse_twice,
@@ -192,7 +192,7 @@ def _add_env(env: argparse.ArgumentParser) -> None:
 
 def _add_out(command: argparse.ArgumentParser, required: bool) -> None:
     argument = command.add_argument(
-        "--out", type=Path, required=required, metavar="DIR", help="where results are written"
+        "--out", type=directory, required=required, metavar="DIR", help="where results are written"
     )
     completes(argument, DIRECTORY)
 

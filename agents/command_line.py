@@ -77,7 +77,9 @@ def _refuse(error: ValueError | OSError) -> int:
     text = str(error)
     if isinstance(error, OSError) and error.strerror:  # its own text begins with a number
         text = ": ".join(str(part) for part in (error.filename, error.strerror) if part)
-    _say(" ".join(text.split()))
+    from agents.arguments import shortened
+
+    _say(shortened(text))
     return BAD_INPUT
 
 

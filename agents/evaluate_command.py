@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import shlex
-from pathlib import Path
 
 from agents import shelf
 from agents.arguments import (
@@ -14,6 +13,7 @@ from agents.arguments import (
     add_manners,
     check_directory,
     check_number,
+    directory,
     positive,
     refuse_twice,
     seeds,
@@ -79,7 +79,7 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
     )
     completes(
         evaluate.add_argument(
-            "--out", type=Path, required=True, metavar="DIR", help="where results are written"
+            "--out", type=directory, required=True, metavar="DIR", help="where results are written"
         ),
         DIRECTORY,
     )

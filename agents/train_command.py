@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from agents import shelf, training
 from agents.arguments import (
     DONE,
+    GOES_ON,
     Job,
     add_manners,
     check_directory,
     check_number,
+    directory,
     minutes,
     positive,
     seed,
@@ -50,7 +51,7 @@ def add_to(train: argparse.ArgumentParser) -> None:
     completes(
         train.add_argument(
             "--out",
-            type=Path,
+            type=directory,
             required=True,
             metavar="DIR",
             help="where the model is written; the same command goes on with what lies there",
@@ -171,7 +172,16 @@ def prepare(options: argparse.Namespace) -> Job:
     )
     if training.left_off(run) and training.finished(run):
         return _nothing_to_do(run)
-    return algorithm.trainer().prepare(run)
+    train = algorithm.trainer().prepare(run)
+
+    def job() -> int:
+        try:
+            return train()
+        except KeyboardInterrupt:
+            run.terminal.note(GOES_ON)
+            raise
+
+    return job
 
 
 def _nothing_to_do(run: Run) -> Job:

@@ -8,5 +8,5 @@ from difflib import get_close_matches
 
 def meant(name: str, known: Iterable[str]) -> str:
     """For an error message: ` (did you mean 'guided'?)`, or nothing if no known name is near."""
-    near = get_close_matches(name, list(known), n=1, cutoff=0.6)
+    near = get_close_matches(name, list(known), n=1, cutoff=0.7)
     return f" (did you mean {near[0]!r}?)" if near else ""
