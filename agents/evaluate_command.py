@@ -131,18 +131,17 @@ def prepare(options: argparse.Namespace) -> Job:
     backend = backends.Backend(
         name=options.backend, workers=options.workers, address=options.address
     )
-    for policy in options.policy:
-        make_policy(policy)
     refuse_twice("policy", options.policy)
+    check_directory(options.out)
     check_number(options.fields, MOST, options.seeds, len(options.policy))
     fields = [field for spec in options.fields for field in sources(spec)]
     refuse_twice("field", [name_of(field) for field in fields])
-    check_directory(options.out)
+    for policy in options.policy:  # last: an agent is loaded
+        make_policy(policy)
     request = Request(policies=options.policy, fields=fields, seeds=options.seeds)
     if not options.fresh:
         evaluation_work.check(evaluation_work.Work(options.out, request))
     backends.check(backend)
-
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
