@@ -3,57 +3,108 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 
 from agents.arguments import (
     DONE,
     Job,
+    add_manners,
     check_directory,
+    check_number,
+    directory,
     duration,
     positive,
     refuse_twice,
     seed,
     seeds,
+    workers,
 )
+from agents.completion import DIRECTORY, FIELDS, PLANNER, completes
+from agents.terminal import Terminal
 from ferguson_gym.catalog import select
 from ferguson_gym.flight import depart
 from ferguson_gym.observations import KINDS
 from planners.catalog import PLANNERS, make
 
 _FIELDS = "standard/validation:0-99"
+_MOST = 1_000_000
+"""Plans of one comparison."""
+HELP = "measure things side by side in one run"
+DESCRIPTION = "Measure things side by side in one run; their ratios hold where their times do not."
+EPILOG = """\
+examples:
+  ferguson bench planners --fields standard/validation:0-9 --out results/ten
+  ferguson bench solvers --windows 50 --ipopt-every 0 --out results/solvers
+  ferguson bench env --observation rays"""
 
 
 def add_to(bench: argparse.ArgumentParser) -> None:
     """Give the command its subcommands."""
     subjects = bench.add_subparsers(dest="subject", required=True, metavar="SUBJECT")
-    planners = subjects.add_parser(
-        "planners",
-        help="compare planners",
-        description=(
-            "Plan the same fields with every planner, from the start and certified; print the "
-            "table and write planners.csv, planners.log (for OMPL's Planner Arena), summary.json "
-            "and pictures."
-        ),
-        epilog=(
-            "example: ferguson bench planners --planner shortest --planner multi-start "
-            "--fields sparse/validation:0-9 --out results/planners"
-        ),
+    _add_planners(
+        subjects.add_parser(
+            "planners",
+            help="compare planners",
+            description=(
+                "Plan the same fields with every planner, from the start and certified; print the "
+                "table and write planners.csv, planners.log (for OMPL's Planner Arena), "
+                "summary.json and pictures."
+            ),
+            epilog="examples:\n"
+            "  ferguson bench planners --fields standard/validation:0-99 \\\n"
+            "      --out results/planners\n"
+            "  ferguson bench planners --planner shortest --planner rrt-star \\\n"
+            "      --fields sparse/validation:0-9 --seconds 0.5 --out results/two",
+        )
     )
-    planners.add_argument(
-        "--fields",
-        action="append",
-        required=True,
-        metavar="SPEC",
-        help="for example standard/validation:0-9; may be given several times",
+    _add_solvers(
+        subjects.add_parser(
+            "solvers",
+            help="compare solvers of windows",
+            description=(
+                "Compare solvers on the same windows from the same starts: ours, SciPy's SLSQP, "
+                "and IPOPT through CasADi (pip install 'ferguson-gym[bench]'). Print the table and "
+                "write steps.csv and solvers.png."
+            ),
+            epilog="examples:\n"
+            "  ferguson bench solvers --windows 200 --out results/solvers\n"
+            "  ferguson bench solvers --windows 20 --ipopt-every 0 --out results/solvers",
+        )
     )
-    planners.add_argument(
-        "--planner",
-        action="append",
-        metavar="NAME",
-        help=(
-            f"one of {', '.join(PLANNERS)}; may be given several times; default: all that are "
-            "installed"
+    _add_env(
+        subjects.add_parser(
+            "env",
+            help="steps per second of the environment",
+            description=(
+                "Measure steps per second of the environment, scalar and vector, beside "
+                "Gymnasium's CartPole-v1, and what a fresh process takes; print the tables."
+            ),
+            epilog="examples:\n"
+            "  ferguson bench env\n"
+            "  ferguson bench env --observation rays --seconds 1 --out results/speed",
+        )
+    )
+
+
+def _add_planners(planners: argparse.ArgumentParser) -> None:
+    completes(
+        planners.add_argument(
+            "--fields",
+            action="append",
+            required=True,
+            metavar="SPEC",
+            help="for example standard/validation:0-9; may be given several times",
         ),
+        FIELDS,
+    )
+    completes(
+        planners.add_argument(
+            "--planner",
+            action="append",
+            metavar="NAME",
+            help=f"one of {', '.join(PLANNERS)}; may be given several times; default: all that "
+            "are installed",
+        ),
+        PLANNER,
     )
     planners.add_argument(
         "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="of planners; default: 0"
@@ -66,34 +117,34 @@ def add_to(bench: argparse.ArgumentParser) -> None:
     )
     planners.add_argument(
         "--workers",
-        type=positive,
+        type=workers,
         default=1,
         metavar="N",
         help="worker processes; times compare only with one, the default",
     )
-    planners.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
-    )
+    _add_out(planners, required=True)
+    _add_json(planners)
+    add_manners(planners)
     planners.set_defaults(prepare=_prepare_planners)
 
-    solvers = subjects.add_parser(
-        "solvers",
-        help="compare solvers of windows",
-        description=(
-            "Compare solvers on the same windows from the same starts: ours, SciPy's SLSQP, and "
-            "IPOPT through CasADi (pip install 'ferguson-gym[bench]'). Print the table and write "
-            "steps.csv and solvers.png."
+
+def _add_solvers(solvers: argparse.ArgumentParser) -> None:
+    completes(
+        solvers.add_argument(
+            "--fields",
+            action="append",
+            metavar="SPEC",
+            help="whose windows are taken, in order; may be given several times; "
+            f"default: {_FIELDS}",
         ),
-        epilog="example: ferguson bench solvers --windows 200 --out results/solvers",
+        FIELDS,
     )
     solvers.add_argument(
-        "--fields",
-        action="append",
-        metavar="SPEC",
-        help=f"whose windows are taken, in order; may be given several times; default: {_FIELDS}",
-    )
-    solvers.add_argument(
-        "--windows", type=positive, default=200, metavar="N", help="default: %(default)s"
+        "--windows",
+        type=positive,
+        default=200,
+        metavar="N",
+        help="how many; default: %(default)s",
     )
     solvers.add_argument(
         "--ipopt-every",
@@ -102,25 +153,18 @@ def add_to(bench: argparse.ArgumentParser) -> None:
         metavar="N",
         help="IPOPT solves one window in N, it is slow; 0: none; default: %(default)s",
     )
-    solvers.add_argument(
-        "--out", type=Path, required=True, metavar="DIR", help="where results are written"
-    )
+    _add_out(solvers, required=True)
+    add_manners(solvers)
     solvers.set_defaults(prepare=_prepare_solvers)
 
-    env = subjects.add_parser(
-        "env",
-        help="steps per second of the environment",
-        description=(
-            "Measure steps per second of the environment, scalar and vector, beside Gymnasium's "
-            "CartPole-v1, and what a fresh process takes; print the tables."
-        ),
-        epilog="example: ferguson bench env --seconds 1 --out results/speed",
-    )
+
+def _add_env(env: argparse.ArgumentParser) -> None:
     env.add_argument(
         "--observation",
         choices=KINDS,
         default=KINDS[0],
-        help="default: %(default)s",
+        metavar="KIND",
+        help=f"{', '.join(KINDS)}; default: %(default)s",
     )
     env.add_argument(
         "--seconds",
@@ -129,7 +173,9 @@ def add_to(bench: argparse.ArgumentParser) -> None:
         metavar="S",
         help="of each environment in each round; default: %(default)s",
     )
-    env.add_argument("--rounds", type=positive, default=5, metavar="N", help="default: %(default)s")
+    env.add_argument(
+        "--rounds", type=positive, default=5, metavar="N", help="how many; default: %(default)s"
+    )
     env.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="of actions and fields; default: 0"
     )
@@ -138,16 +184,31 @@ def add_to(bench: argparse.ArgumentParser) -> None:
         action="store_true",
         help="also time a first step that has to compile: half a minute more",
     )
-    env.add_argument(
-        "--out", type=Path, metavar="DIR", help="where steps.csv and summary.json are written"
-    )
+    _add_out(env, required=False)
+    _add_json(env)
+    add_manners(env)
     env.set_defaults(prepare=_prepare_env)
+
+
+def _add_out(command: argparse.ArgumentParser, required: bool) -> None:
+    argument = command.add_argument(
+        "--out", type=directory, required=required, metavar="DIR", help="where results are written"
+    )
+    completes(argument, DIRECTORY)
+
+
+def _add_json(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--json", action="store_true", help="print summary.json's object, nothing else"
+    )
 
 
 def _prepare_planners(options: argparse.Namespace) -> Job:
     from agents import planner_bench
 
     check_directory(options.out)
+    planners = len(options.planner or PLANNERS)
+    check_number(options.fields, _MOST, options.seeds, planners)
     fields = [field for spec in options.fields for field in select(spec)]
     for field in fields:
         depart(field)
@@ -165,8 +226,10 @@ def _prepare_planners(options: argparse.Namespace) -> Job:
         workers=options.workers,
     )
 
+    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
+
     def job() -> int:
-        planner_bench.bench(request, options.out)
+        planner_bench.bench(request, options.out, terminal)
         return DONE
 
     return job
@@ -196,8 +259,10 @@ def _prepare_solvers(options: argparse.Namespace) -> Job:
     fields = (field for spec in options.fields or [_FIELDS] for field in select(spec))
     tasks = solver_bench.take_windows(multi_start(), fields, options.windows)
 
+    terminal = Terminal(quiet=options.quiet, colour=options.colour)
+
     def job() -> int:
-        solver_bench.bench(tasks, options.ipopt_every, options.out)
+        solver_bench.bench(tasks, options.ipopt_every, options.out, terminal)
         return DONE
 
     return job
@@ -217,8 +282,10 @@ def _prepare_env(options: argparse.Namespace) -> Job:
     )
     entries = env_drivers.entries(options.observation)
 
+    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
+
     def job() -> int:
-        env_bench.bench(entries, request, options.out)
+        env_bench.bench(entries, request, options.out, terminal)
         return DONE
 
     return job

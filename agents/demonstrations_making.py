@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import itertools
+import math
 import shutil
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
 from agents import demonstrations_minari as dataset
 from agents import demonstrations_work as work
 from agents.demonstrations_episodes import make_environment, record
 from agents.demonstrations_work import Request
+from agents.terminal import Terminal
 from ferguson_gym.actions import Action
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
@@ -39,6 +39,11 @@ class Tally:
     failed: dict[str, str]
     """Outcomes' labels by field, of those that did not."""
 
+    def as_json(self) -> dict[str, Any]:
+        """Values that JSON has; null where there is no mean."""
+        mean = None if math.isnan(self.mean_return) else self.mean_return
+        return {**asdict(self), "mean_return": mean}
+
     def sentence(self) -> str:
         """For people."""
         text = f"{self.flights} flights, {self.steps} steps"
@@ -53,7 +58,12 @@ def work_place(place: Path) -> Path:
 
 
 def make(
-    request: Request, dataset_id: str, place: Path, workers: int, fresh: bool = False
+    request: Request,
+    dataset_id: str,
+    place: Path,
+    workers: int,
+    fresh: bool = False,
+    terminal: Terminal | None = None,
 ) -> Tally:
     """Fly what is missing, then write the dataset.
 
@@ -63,16 +73,18 @@ def make(
         place: where it will lie, as `demonstrations_minari.place_of` says.
         workers: processes.
         fresh: whether to replace a dataset of this id, and another request's unfinished work.
+        terminal: that shows how far it is.
 
     Raises:
         ValueError: another request's work is in the way.
+        OSError: a worker died, or the disk refuses; what is flown is kept.
         KeyboardInterrupt: what is flown is kept.
     """
     directory = work_place(place)
     if fresh:
         _clear(directory, request)
     missing = work.begin(directory, request)
-    with _progress() as progress:
+    with (terminal or Terminal()).bar() as progress:
         flying = progress.add_task("flights", total=len(request.fields))
         progress.advance(flying, _fields_in(request, missing))
         for done in work.fly(directory, request, missing, workers):
@@ -152,14 +164,3 @@ class _Random:
     def act(self, observation: Observation, vehicle: State) -> Action:
         """Any action."""
         return self.stream.uniform(-1.0, 1.0, 4).astype(np.float32)
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import zipfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,13 +17,15 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 import ferguson_gym
 from agents.demonstrations_episodes import Episode, make_environment, pack, record, unpack
+from agents.interruptions import put_off
 from agents.machine import commit, facts
 from agents.policies import Policy, make_policy
 from agents.warm_up import compile_kernels
+from agents.worker_processes import GOES_ON, spread
 from ferguson_gym.actions import Action
 from ferguson_gym.catalog import family
 from ferguson_gym.files import written_whole
@@ -157,17 +159,24 @@ def _file(place: Path, request: Request, number: int) -> Path:
 
 
 def fly(place: Path, request: Request, missing: Iterable[int], workers: int) -> Iterator[int]:
-    """Fly the missing chunks; yields the number of fields of each that is done."""
+    """Fly the missing chunks; yields the number of fields of each that is done.
+
+    Raises:
+        ChildProcessError: a worker died; what is finished is kept.
+    """
     arguments = json.dumps(request.environment, sort_keys=True)
     tasks = (
-        delayed(_fly_chunk)(
-            request.expert, arguments, request.chunk(number), _file(place, request, number)
-        )
+        (request.expert, arguments, request.chunk(number), _file(place, request, number))
         for number in missing
     )
-    parallel = Parallel(n_jobs=workers, return_as="generator_unordered")
-    done: Iterator[int] = parallel(tasks)
-    return done
+    if workers > 1:
+        calls = (delayed(_fly_chunk)(*task) for task in tasks)
+        yield from spread(calls, workers, in_order=False, afterwards=GOES_ON)
+        return
+    for task in tasks:
+        with put_off() as look:
+            done = _fly_chunk(*task, look)
+        yield done
 
 
 def flown(place: Path, request: Request) -> Iterator[Episode]:
@@ -185,8 +194,17 @@ def flown(place: Path, request: Request) -> Iterator[Episode]:
             raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
 
 
-def _fly_chunk(expert: str, arguments: str, fields: list[str], path: Path) -> int:
-    """Fly some fields and write their chunk: what a worker process is handed."""
+def _fly_chunk(
+    expert: str,
+    arguments: str,
+    fields: list[str],
+    path: Path,
+    look: Callable[[], None] = lambda: None,
+) -> int:
+    """Fly some fields and write their chunk: what a worker process is handed.
+
+    `look` is called after each flight; it may raise, to stop.
+    """
     if path.exists():
         return len(fields)
     compile_kernels()
@@ -198,6 +216,7 @@ def _fly_chunk(expert: str, arguments: str, fields: list[str], path: Path) -> in
         except Exception as error:
             error.add_note(f"while {expert} flew the field {name}")
             raise
+        look()
     with written_whole(path) as temporary:
         np.savez(temporary, allow_pickle=False, **pack(episodes))
     return len(fields)

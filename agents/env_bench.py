@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
+from rich.progress import Progress
 from rich.table import Table
 
 from agents import fresh_start, machine, tables
 from agents.env_drivers import DEVIATION, Entry, Slice
+from agents.terminal import Terminal
 from ferguson_gym.arrays import Array
 from ferguson_gym.files import written_whole
 
@@ -63,36 +63,34 @@ class Request:
     """Also time a first step that has to compile."""
 
 
-def bench(entries: Sequence[Entry], request: Request, out: Path | None) -> None:
+def bench(entries: Sequence[Entry], request: Request, out: Path | None, terminal: Terminal) -> None:
     """Measure; print the tables, write steps.csv and summary.json."""
-    console = tables.console()
     present = [entry for entry in entries if not entry.missing]
     missing = [Row(entry.name, entry.number) for entry in entries if entry.missing]
-    slices = measure(present, request, console)
-    with console.status("fresh processes"):
+    with terminal.still_bar() as progress:
+        slices = measure(present, request, progress)
+        progress.update(progress.task_ids[-1], description="fresh processes", refresh=True)
         fresh = fresh_start.measure(request.observation, request.first_step)
     report = summary(slices, missing, fresh, request)
+    terminal.show_json(json.dumps(report))
     for table in (speeds(report), ratios(report), starts(report)):
-        console.print(table)
-        console.print()
+        terminal.show(table, "")
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write(slices, out / "steps.csv")
         with written_whole(out / "summary.json") as temporary:
             temporary.write_text(json.dumps(report, indent=2) + "\n")
+        terminal.note(f"wrote steps.csv, summary.json to {out}")
 
 
-def measure(entries: Sequence[Entry], request: Request, console: Console) -> Slices:
-    """Warm all up, then give each its slice in every round."""
+def measure(entries: Sequence[Entry], request: Request, progress: Progress) -> Slices:
+    """Warm all up, then give each its slice in every round.
+
+    The bar is drawn between slices only: a thread that draws would be timed, too.
+    """
     drivers = []
     slices: dict[Row, list[Slice]] = {}
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
-    # it is drawn between slices only: a thread that draws would be timed, too
-    progress = Progress(
-        *columns, console=console, auto_refresh=False, disable=not console.is_terminal
-    )
     with ExitStack() as stack:
-        stack.enter_context(progress)
         task = progress.add_task("", total=(1 + request.rounds) * len(entries))
         for entry in entries:
             row = Row(entry.name, entry.number)

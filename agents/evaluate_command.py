@@ -4,48 +4,90 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
-from pathlib import Path
 
-from agents.arguments import DONE, Job, check_directory, positive, refuse_twice, seeds
+from agents import shelf
+from agents.arguments import (
+    DONE,
+    GOES_ON,
+    Job,
+    add_manners,
+    check_directory,
+    check_number,
+    directory,
+    positive,
+    refuse_twice,
+    seeds,
+    workers,
+)
+from agents.completion import DIRECTORY, FIELDS, POLICY, completes
+from agents.terminal import Terminal
 from ferguson_gym import catalog
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import depart
-from planners.catalog import OPTIONS, PLANNERS
+from planners.catalog import PLANNERS
+
+MOST = 10_000_000
+"""Flights of one evaluation."""
+HELP = "fly policies through the same fields"
+DESCRIPTION = """\
+Fly every policy through the same fields in the environment; print the tables and write flights.csv,
+timings.csv, paths.npz, summary.json, pictures and report.html. Exit status 0 also when flights
+fail. Interrupted, the same command goes on; where the results are there already, it flies nothing
+and shows them."""
+EPILOG = f"""\
+policies:
+  planners    {", ".join(list(PLANNERS)[:6])},
+              {", ".join(list(PLANNERS)[6:])}
+  options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
+              NAME+sensing=METRES, or several; single-start and multi-start
+              with +from=POLICY start from what that policy would fly
+  agents      {", ".join(shelf.shipped()) or "none are shipped"}, or the directory of a trained one;
+              AGENT+tries=N imagines N flights and flies the shortest
+  +shield     ends the name of any policy that decides step by step:
+              guided takes over doubtful steps
+
+examples:
+  ferguson evaluate --policy multi-start --fields paper:1-4 --seeds 0-9 \\
+      --out results/paper
+  ferguson evaluate --policy best --policy guided+sensing=20 \\
+      --fields standard/validation:0-99 --workers 2 --out results/two
+  ferguson evaluate --policy runs/mine --fields town.json --fields villages/ \\
+      --out results/mine --json"""
 
 
 def add_to(evaluate: argparse.ArgumentParser) -> None:
     """Give the command its arguments."""
-    evaluate.add_argument(
-        "--policy",
-        action="append",
-        required=True,
-        metavar="P",
-        help=f"a planner ({', '.join(PLANNERS)}), with options {OPTIONS}; an agent that is shipped "
-        "(best is the best of them), or the directory of one that was trained; single-start and "
-        "multi-start with +from=POLICY, which starts from that policy's proposals; any policy that "
-        "decides step by step with +shield, where guided takes over doubtful steps; may be given "
-        "several times",
+    completes(
+        evaluate.add_argument(
+            "--policy",
+            action="append",
+            required=True,
+            metavar="P",
+            help="a planner, or an agent: see below; may be given several times",
+        ),
+        POLICY,
     )
-    evaluate.add_argument(
-        "--fields",
-        action="append",
-        required=True,
-        metavar="SPEC",
-        help="for example standard/validation:0-9; may be given several times",
+    completes(
+        evaluate.add_argument(
+            "--fields",
+            action="append",
+            required=True,
+            metavar="SPEC",
+            help="for example standard/validation:0-9, or files; may be given several times",
+        ),
+        FIELDS,
     )
-    evaluate.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="where results are written; interrupted, the same command goes on with what is there",
+    completes(
+        evaluate.add_argument(
+            "--out", type=directory, required=True, metavar="DIR", help="where results are written"
+        ),
+        DIRECTORY,
     )
     evaluate.add_argument(
         "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="policy seeds; default: 0"
     )
     evaluate.add_argument(
-        "--workers", type=positive, metavar="N", help="worker processes on this machine; default: 1"
+        "--workers", type=workers, metavar="N", help="worker processes on this machine; default: 1"
     )
     evaluate.add_argument(
         "--backend",
@@ -67,6 +109,10 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "--fresh", action="store_true", help="start over, whatever results or work lie in DIR"
     )
+    evaluate.add_argument(
+        "--json", action="store_true", help="print summary.json's object, nothing else"
+    )
+    add_manners(evaluate)
     evaluate.set_defaults(prepare=prepare)
 
 
@@ -85,16 +131,18 @@ def prepare(options: argparse.Namespace) -> Job:
     backend = backends.Backend(
         name=options.backend, workers=options.workers, address=options.address
     )
-    for policy in options.policy:
-        make_policy(policy)
-    fields = [field for spec in options.fields for field in sources(spec)]
     refuse_twice("policy", options.policy)
-    refuse_twice("field", [name_of(field) for field in fields])
     check_directory(options.out)
+    check_number(options.fields, MOST, options.seeds, len(options.policy))
+    fields = [field for spec in options.fields for field in sources(spec)]
+    refuse_twice("field", [name_of(field) for field in fields])
+    for policy in options.policy:  # last: an agent is loaded
+        make_policy(policy)
     request = Request(policies=options.policy, fields=fields, seeds=options.seeds)
     if not options.fresh:
         evaluation_work.check(evaluation_work.Work(options.out, request))
     backends.check(backend)
+    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
         try:
@@ -105,9 +153,10 @@ def prepare(options: argparse.Namespace) -> Job:
                 together=options.batch,
                 command=command(options),
                 fresh=options.fresh,
+                terminal=terminal,
             )
         except KeyboardInterrupt:
-            sys.stderr.write("ferguson: the same command goes on where this one stopped\n")
+            terminal.note(GOES_ON)
             raise
         return DONE
 

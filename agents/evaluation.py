@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from agents import evaluation_work, provenance, results, tables
+from agents import evaluation_work, provenance, results, statistics_tables, summaries
 from agents.backends import Backend
 from agents.evaluation_chunks import to_draw
 from agents.evaluation_request import Request, Source, field_of
@@ -21,6 +19,7 @@ from agents.pictures import draw_flights, picture_of
 from agents.records import Record, flight_of
 from agents.report import write_report
 from agents.statistics import summarise
+from agents.terminal import Terminal
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
@@ -49,10 +48,11 @@ def run(
     together: int | None = None,
     command: str | None = None,
     fresh: bool = False,
+    terminal: Terminal | None = None,
 ) -> None:
-    """Fly what is missing, write the results into a directory, print the tables.
+    """Fly what is missing, write the results into a directory, show the tables.
 
-    Where the results are there already, nothing is flown.
+    Where the results are there already, nothing is flown, and they are shown again.
 
     Args:
         request: which flights.
@@ -61,6 +61,7 @@ def run(
         together: flights of an agent that are in the air at a time; None: a good number.
         command: that does the same again.
         fresh: whether to start over, whatever lies there.
+        terminal: that shows them, and how far the flights are.
 
     Raises:
         ValueError: the directory holds something else.
@@ -71,13 +72,13 @@ def run(
     work = Work(directory, request)
     if fresh:
         _clear(work)
-    console = tables.console()
+    terminal = terminal or Terminal()
     if evaluation_work.check(work):
         work.remove()
-        told = f"{directory} holds these results already; --fresh flies again"
-        console.print(told, markup=False, soft_wrap=True)
+        _show(directory, terminal)
+        terminal.note(f"{directory} holds these results already; --fresh flies again")
         return
-    with _progress() as progress:
+    with terminal.bar() as progress:
         task = progress.add_task("flights", total=request.flights)
         missing = work.begin()
         progress.advance(task, request.flights - sum(map(len, missing)))
@@ -90,11 +91,14 @@ def run(
     for name in sorted(names, key="summary.json".__eq__):  # which vouches for the others
         (work.staging / name).replace(directory / name)
     work.remove()
-    console.print(tables.summary(flown))
-    for table in (tables.shields(flown), tables.paper_table(flown)):
-        if table is not None:
-            console.print(table)
-    console.print(f"wrote {', '.join(names)} to {directory}", markup=False, soft_wrap=True)
+    _show(directory, terminal)
+    terminal.note(f"wrote {', '.join(names)} to {directory}")
+
+
+def _show(directory: Path, terminal: Terminal) -> None:
+    text = (directory / "summary.json").read_text("utf-8")
+    terminal.show_json(text.rstrip())
+    terminal.show(*statistics_tables.of_summary(json.loads(text)))
 
 
 def _write(work: Work) -> list[Record]:
@@ -134,6 +138,8 @@ def _summarise(work: Work, flown: Sequence[Record], made: dict[str, Any]) -> Non
         "flights": len(flown),
         "policies": [_told(work.request, policy, flown) for policy in work.request.policies],
         "statistics": summarise(work.staging),
+        "shields": summaries.shields(flown),
+        "paper": summaries.on_paper(flown),
     }
     names = {path.name for path in work.staging.iterdir()}
     summary["files"] = sorted({"summary.json", "report.html", *names})
@@ -165,14 +171,3 @@ def _clear(work: Work) -> None:
     for name in {*FILES, *(name for name in listed if isinstance(name, str))}:
         if Path(name).name == name:
             (work.results / name).unlink(missing_ok=True)
-
-
-def _progress() -> Progress:
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        console=Console(stderr=True),
-        transient=True,
-    )

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from agents import machine, metrics, ompl_log, planner_pictures, results, tables
 from agents.planner_runs import FALSE_SUCCESS, LIBRARIES, Run, runs
-from agents.progress import still_bar
+from agents.terminal import Terminal
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
 
@@ -59,20 +59,19 @@ class Request:
     workers: int
 
 
-def bench(request: Request, out: Path) -> list[Run]:
+def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
     """Compare; print the table, write planners.csv, planners.log, summary.json and pictures.
 
     Interrupted, it leaves planners.csv with the runs that were finished.
     """
-    console = tables.console()
     for name, hint in request.left_out.items():
-        console.print(f"left out {name}: {hint}", markup=False)
+        terminal.note(f"left out {name}: {hint}")
     began = datetime.now()
     clock = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
     finished: list[Run] = []
     try:
-        finished.extend(_runs(request))
+        finished.extend(_runs(request, terminal))
     finally:  # of what is interrupted, the rows are kept
         results.write_csv(out / "planners.csv", COLUMNS, map(row, finished))
     total = time.perf_counter() - clock
@@ -80,20 +79,19 @@ def bench(request: Request, out: Path) -> list[Run]:
     _write(out / "planners.log", ompl_log.write(finished, began, total, request.seconds))
     _write(out / "summary.json", [json.dumps(report, indent=2, allow_nan=False)])
     planner_pictures.draw(finished, out)
-    console.print(table(report))
+    terminal.show_json(json.dumps(report, allow_nan=False))
+    terminal.show(table(report))
     for one in report["planners"]:
         if one["failures"]:
             causes = ", ".join(f"{number} {cause}" for cause, number in one["failures"].items())
-            console.print(f"{one['planner']} failed: {causes}", markup=False)
-    console.print(
-        f"wrote planners.csv, planners.log, summary.json, pictures to {out}", markup=False
-    )
+            terminal.show(f"{one['planner']} failed: {causes}")
+    terminal.note(f"wrote planners.csv, planners.log, summary.json, pictures to {out}")
     return finished
 
 
-def _runs(request: Request) -> Iterator[Run]:
+def _runs(request: Request, terminal: Terminal) -> Iterator[Run]:
     number = len(request.planners) * len(request.fields) * len(request.seeds)
-    with still_bar() as progress:
+    with terminal.still_bar() as progress:
         task = progress.add_task("plans", total=number)
         for run in runs(
             request.planners, request.seconds, request.fields, request.seeds, request.workers

@@ -9,9 +9,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from joblib import Parallel, delayed
+from joblib import delayed
 
 from agents.warm_up import warm
+from agents.worker_processes import spread
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import inspect, is_feasible
 from ferguson_gym.fields import Field
@@ -26,6 +27,7 @@ LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
 """What plans depend on."""
 FALSE_SUCCESS = "false_success"
 """Status of a plan that was reported as solved and does not bear the benchmark's own test."""
+_AFTERWARDS = "planners.csv has the plans before"
 _ROUNDING = 1e-6
 """By which part a path may seem shorter than the shortest."""
 
@@ -187,10 +189,10 @@ def runs(
     """Every planner on every field with every seed, in an order that does not depend on workers.
 
     All planners take a field one after the other: what slows the machine for a while slows all.
+
+    Raises:
+        ChildProcessError: a worker died.
     """
     tasks = itertools.product(fields, seeds, planners)
-    parallel = Parallel(n_jobs=workers, return_as="generator")
-    finished: Iterator[Run] = parallel(
-        delayed(run)(name, seconds, field, seed) for field, seed, name in tasks
-    )
-    return finished
+    calls = (delayed(run)(name, seconds, field, seed) for field, seed, name in tasks)
+    return spread(calls, workers, in_order=True, afterwards=_AFTERWARDS)

@@ -5,8 +5,11 @@ from __future__ import annotations
 import json
 import math
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+from rich.table import Table
 
 from agents import tables
 from agents.flights import Flight
@@ -74,18 +77,18 @@ class Report:
             allow_nan=False,
         )
 
-    def show(self) -> None:
-        """Print the plan for people."""
+    def lines(self, windows: bool = True) -> Iterator[Table | str]:
+        """What people are told of the plan, one after the other.
+
+        Args:
+            windows: whether to begin with a table of them, if there are any.
+        """
         flight = self.flight
-        console = tables.console()
-        if any(decision.report.starts for decision in self.plan.decisions):
-            console.print(tables.windows(self.plan.decisions))
+        if windows and any(decision.report.starts for decision in self.plan.decisions):
+            yield tables.windows(self.plan.decisions)
         if self.plan.route is not None:
-            console.print(_told(self.plan.route, flight.exact_length))
-        console.print(
-            f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}",
-            markup=False,
-        )
+            yield _told(self.plan.route, flight.exact_length)
+        yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
         facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
         if flight.gap is not None:
             facts.append(
@@ -100,7 +103,7 @@ class Report:
         if self.plan.evaluations:
             facts.append(f"{self.plan.evaluations} function evaluations")
         facts.append(f"{self.wall_seconds:.2f} s")
-        console.print(", ".join(facts))
+        yield ", ".join(facts)
 
     def draw(self, path: Path) -> None:
         """Write a picture of the plan."""

@@ -12,6 +12,7 @@ from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
+from ferguson_gym.spelling import meant
 from planners.catalog import PLANNERS, make, starting_from
 from planners.interface import Decision, Plan, Planner, Replanner, State
 from planners.rollout import successor
@@ -169,9 +170,10 @@ def _agent(name: str) -> Policy:
     place = shelf.find(plain)
     if place is None:
         agents = shelf.shipped()
+        near = meant(name.partition("+")[0], [*PLANNERS, *agents])
         raise ValueError(
-            f"unknown policy {name!r}; policies are {', '.join([*PLANNERS, *agents])}, and the "
-            "directories of trained agents"
+            f"unknown policy {name!r}{near}; policies are {', '.join([*PLANNERS, *agents])}, and "
+            "the directories of trained agents"
         )
     if found and not (tries.isascii() and tries.isdecimal()):
         raise ValueError(f"policy {name!r}: need a whole number after {TRIES}, got {tries!r}")

@@ -16,10 +16,10 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from rich.progress import track
 from rich.table import Table
 
 from agents import tables
+from agents.terminal import Terminal
 from ferguson_gym import drawing
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
@@ -133,23 +133,27 @@ def excess(results: Sequence[Solved], gate: float) -> dict[str, Array]:
     }
 
 
-def bench(tasks: Sequence[Task], ipopt_every: int, out: Path) -> None:
+def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal) -> None:
     """Compare; print the table, write steps.csv and solvers.png."""
     results: list[Solved] = []
-    for index in track(range(len(tasks)), description="windows", console=tables.console()):
-        for name, solver in solvers().items():
-            if name == "ipopt" and (ipopt_every == 0 or index % ipopt_every):
-                continue
-            results.append(measure(name, solver, tasks[index]))
+    with terminal.still_bar() as progress:
+        bar = progress.add_task("windows", total=len(tasks))
+        for index, task in enumerate(tasks):
+            for name, solver in solvers().items():
+                if name == "ipopt" and (ipopt_every == 0 or index % ipopt_every):
+                    continue
+                results.append(measure(name, solver, task))
+            progress.advance(bar)
+            progress.refresh()
     out.mkdir(parents=True, exist_ok=True)
     write(results, out / "steps.csv")
     gate = tasks[0].window.limits.gate
     draw(results, gate, out / "solvers.png")
-    console = tables.console()
-    console.print(table(results, gate))
+    terminal.show(table(results, gate))
     for name in dict.fromkeys(result.solver for result in results):
         if name != "ours":
-            console.print(against(name, results, gate))
+            terminal.show(against(name, results, gate))
+    terminal.note(f"wrote steps.csv, solvers.png to {out}")
 
 
 def against(name: str, results: Sequence[Solved], gate: float) -> str:

@@ -3,46 +3,89 @@
 from __future__ import annotations
 
 import argparse
-import math
-from pathlib import Path
 
 from agents import shelf, training
-from agents.arguments import DONE, Job, check_directory, positive, seed
+from agents.arguments import (
+    DONE,
+    GOES_ON,
+    Job,
+    add_manners,
+    check_directory,
+    check_number,
+    directory,
+    minutes,
+    positive,
+    seed,
+    workers,
+)
+from agents.completion import DIRECTORY, FIELDS, FILE, MODEL, completes
+from agents.terminal import Terminal
 from agents.training import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
 from agents.training_recipe import read
+from ferguson_gym.spelling import meant
+
+MOST = 100_000
+"""Fields on which a model is judged."""
+HELP = "train an agent"
+DESCRIPTION = """\
+Train an agent (pip install 'ferguson-gym[agents]'); evaluate it while it learns, keep the best
+model and checkpoints, and write model.zip, model.json, curve.csv and TensorBoard's logs.
+Interrupted, the same command goes on."""
+EPILOG = """\
+examples:
+  ferguson train dagger --minutes 35 --workers 2 --out runs/dagger
+  ferguson train ppo --from runs/dagger --config ppo-refining \\
+      --minutes 36 --out runs/refined
+  ferguson train bc --demos ferguson/guided-v0 --out runs/cloned
+  ferguson train sac --config mine.yml --seed 1 --steps 100000 --out runs/sac"""
 
 
 def add_to(train: argparse.ArgumentParser) -> None:
     """Give the command its arguments."""
-    train.add_argument("algorithm", metavar="ALGORITHM", help=f"one of {', '.join(ALGORITHMS)}")
     train.add_argument(
-        "--out",
-        type=Path,
-        required=True,
-        metavar="DIR",
-        help="where the model is written; the same command goes on with what lies there",
+        "algorithm",
+        choices=list(ALGORITHMS),
+        metavar="ALGORITHM",
+        help=f"one of {', '.join(ALGORITHMS)}",
     )
-    train.add_argument(
-        "--config",
-        metavar="FILE",
-        help="hyperparameters in YAML, or the name of some that are shipped, for example "
-        "ppo-refining; default: the algorithm's own",
+    completes(
+        train.add_argument(
+            "--out",
+            type=directory,
+            required=True,
+            metavar="DIR",
+            help="where the model is written; the same command goes on with what lies there",
+        ),
+        DIRECTORY,
     )
-    train.add_argument("--seed", type=seed, default=0, metavar="N", help="default: 0")
+    completes(
+        train.add_argument(
+            "--config",
+            metavar="FILE",
+            help="hyperparameters in YAML, or the name of some that are shipped, for example "
+            "ppo-refining; default: the algorithm's own",
+        ),
+        FILE,
+    )
+    train.add_argument("--seed", type=seed, default=0, metavar="N", help="of all draws; default: 0")
     train.add_argument(
         "--steps", type=positive, metavar="N", help="segments flown at most; default: see --minutes"
     )
     train.add_argument(
         "--minutes",
-        type=_minutes,
+        type=minutes,
         metavar="M",
         help="time at most; with neither limit n_timesteps of the hyperparameters",
     )
-    train.add_argument(
-        "--from",
-        dest="start",
-        metavar="MODEL",
-        help="begin with this model, shipped or trained: its network, what it sees, its weights",
+    completes(
+        train.add_argument(
+            "--from",
+            dest="start",
+            metavar="MODEL",
+            help="begin with this model, shipped or trained: its network, what it sees, its "
+            "weights",
+        ),
+        MODEL,
     )
     train.add_argument(
         "--demos",
@@ -50,48 +93,49 @@ def add_to(train: argparse.ArgumentParser) -> None:
         help="demonstrations: all that bc learns from; to begin with for dagger, and in the replay "
         "buffer of sac, td3, tqc",
     )
-    train.add_argument(
-        "--choose-on",
-        default=CHOSEN_ON,
-        metavar="SPEC",
-        help="fields by which the best model is chosen while training; default: %(default)s",
+    completes(
+        train.add_argument(
+            "--choose-on",
+            default=CHOSEN_ON,
+            metavar="SPEC",
+            help="fields by which the best model is chosen while training; default: %(default)s",
+        ),
+        FIELDS,
     )
-    train.add_argument(
-        "--report-on",
-        default=REPORTED_ON,
-        metavar="SPEC",
-        help="fields on which it is judged at the end; default: %(default)s",
+    completes(
+        train.add_argument(
+            "--report-on",
+            default=REPORTED_ON,
+            metavar="SPEC",
+            help="fields on which it is judged at the end; default: %(default)s",
+        ),
+        FIELDS,
     )
     train.add_argument(
         "--workers",
-        type=positive,
+        type=workers,
         default=1,
         metavar="N",
         help="worker processes, where an expert is asked; default: 1",
     )
     train.add_argument(
-        "--threads", type=positive, default=1, metavar="N", help="of torch; default: 1"
+        "--threads", type=workers, default=1, metavar="N", help="of torch; default: 1"
     )
     train.add_argument(
         "--fresh", action="store_true", help="start over: remove the training that lies in DIR"
     )
-    train.set_defaults(prepare=_prepare)
+    add_manners(train)
+    train.set_defaults(prepare=prepare)
 
 
-def _minutes(text: str) -> float:
-    try:
-        minutes = float(text)
-    except ValueError:
-        minutes = math.nan
-    if not 0.0 < minutes < math.inf:
-        raise argparse.ArgumentTypeError(f"need minutes, a number above 0, got {text!r}")
-    return minutes
+def prepare(options: argparse.Namespace) -> Job:
+    """Check the input before anything is trained.
 
-
-def _prepare(options: argparse.Namespace) -> Job:
+    Raises:
+        ValueError: a recipe, a model to begin with, fields or demonstrations that cannot be;
+            something else in the directory.
+    """
     name = options.algorithm
-    if name not in ALGORITHMS:
-        raise ValueError(f"unknown algorithm {name!r}; algorithms are {', '.join(ALGORITHMS)}")
     algorithm = ALGORITHMS[name]
     shelf.need("training", "tensorboard", "yaml", *algorithm.needs)
     check_directory(options.out)
@@ -102,9 +146,14 @@ def _prepare(options: argparse.Namespace) -> Job:
     if options.start is not None:
         start = shelf.find(options.start)
         if start is None:
-            raise ValueError(f"--from {options.start}: no such model; name a shipped one or a path")
+            near = meant(options.start, shelf.shipped())
+            raise ValueError(
+                f"--from {options.start}: no such model{near}; name a shipped one or a path"
+            )
         if options.out.resolve() in (start.resolve(), *start.resolve().parents):
             raise ValueError(f"--from {options.start} lies in --out {options.out}: choose another")
+    check_number([options.choose_on], MOST)
+    check_number([options.report_on], MOST)
     run = Run(
         algorithm=name,
         directory=options.out,
@@ -119,21 +168,25 @@ def _prepare(options: argparse.Namespace) -> Job:
         workers=options.workers,
         threads=options.threads,
         fresh=options.fresh,
+        terminal=Terminal(quiet=options.quiet, colour=options.colour),
     )
     if training.left_off(run) and training.finished(run):
         return _nothing_to_do(run)
-    return algorithm.trainer().prepare(run)
+    train = algorithm.trainer().prepare(run)
+
+    def job() -> int:
+        try:
+            return train()
+        except KeyboardInterrupt:
+            run.terminal.note(GOES_ON)
+            raise
+
+    return job
 
 
 def _nothing_to_do(run: Run) -> Job:
-    from agents.tables import console
-
     def job() -> int:
-        console().print(
-            f"{run.directory} holds this training, finished; --fresh starts over",
-            markup=False,
-            soft_wrap=True,
-        )
+        run.terminal.note(f"{run.directory} holds this training, finished; --fresh starts over")
         return DONE
 
     return job

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Protocol, cast
 
 from agents.arguments import Job
+from agents.terminal import Terminal
 from agents.training_recipe import Recipe
 from ferguson_gym.files import written_whole
 
@@ -55,6 +56,8 @@ class Run:
     """Threads of torch and of the environment."""
     fresh: bool = False
     """Whether to start over, whatever the directory holds."""
+    terminal: Terminal = field(default_factory=Terminal)
+    """That shows how far it is."""
 
     @property
     def most_steps(self) -> int | None:

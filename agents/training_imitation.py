@@ -35,7 +35,7 @@ from agents.training import Run
 from agents.training_pace import Pace, Stop, stop_on_interrupt
 from agents.training_recipe import slope
 from agents.training_record import Record
-from agents.training_sb3 import card_for, progress_bar, starting_model
+from agents.training_sb3 import card_for, starting_model
 from agents.vec_env import ObstacleFieldVecEnv
 from agents.visits import Visit, Visited, under_way
 from ferguson_gym.arrays import Array
@@ -228,7 +228,7 @@ class _School:
         with (
             SummaryWriter(str(self._run.directory / "tensorboard")) as writer,
             stop_on_interrupt() as stop,
-            progress_bar() as bar,
+            self._run.terminal.share_bar() as bar,
         ):
             # one round at least: whoever was interrupted in the first may have used up its time
             while not stop.asked and (self.pace.done < 1.0 or not record.curve):

@@ -14,8 +14,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from agents import machine, models, torch_models
 from agents.batched import Score, fly_batch, score
 from agents.cards import CARD, Card, read_card, write_card
+from agents.interruptions import put_off
 from agents.results import write_csv
-from agents.tables import console
 from agents.torch_models import Learned
 from agents.training import Run
 from ferguson_gym.catalog import select
@@ -92,13 +92,14 @@ class Record:
             self.best = found.spl
         columns = list(dict.fromkeys([*_COLUMNS, *(key for row in self.curve for key in row)]))
         write_csv(self._run.directory / CURVE, columns, _cells(self.curve, columns))
-        console().print(line(row))
+        self._run.terminal.note(line(row))
         return found
 
     def finish(self) -> Card:
         """Fly the best model through the fields that are reported, and make it the final one."""
         best = models.load(self._best)
-        found = score(fly_batch(best, select(self._run.reported_on)))
+        with put_off():
+            found = score(fly_batch(best, select(self._run.reported_on)))
         results = {**best.card.results, "reported_on": _told(self._run.reported_on, found)}
         card = dataclasses.replace(best.card, curve=self.curve, results=results)
         directory = self._run.directory
@@ -106,13 +107,12 @@ class Record:
             shutil.copyfile(self._best / models.MODEL, temporary)
         write_card(directory, card)
         gap = "no gap" if found.gap is None else f"median gap {found.gap:.2%}"
-        console().print(
+        terminal = self._run.terminal
+        terminal.show(
             f"{self._run.reported_on}: success {found.success:.2%} ({found.success_low:.2%} to "
-            f"{found.success_high:.2%}), SPL {found.spl:.4f}, {gap}; model.zip, model.json and "
-            f"{CURVE} are in {directory}",
-            markup=False,
-            soft_wrap=True,
+            f"{found.success_high:.2%}), SPL {found.spl:.4f}, {gap}"
         )
+        terminal.note(f"wrote model.zip, model.json and {CURVE} to {directory}")
         return card
 
 

@@ -9,8 +9,7 @@ from typing import Any
 import numba
 import numpy as np
 import torch
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskID, TextColumn, TimeElapsedColumn
+from rich.progress import Progress, TaskID
 from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -181,7 +180,7 @@ def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: Pace) -> None:
     """
     model.set_logger(configure(str(run.directory / "tensorboard"), ["tensorboard"]))
     most, checkpoint = run.most_steps, run.directory / "checkpoint"
-    with stop_on_interrupt() as stop, progress_bar() as bar:
+    with stop_on_interrupt() as stop, run.terminal.share_bar() as bar:
         watch = _Watch(run, record, pace, stop, bar)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
         if left > 0 and not pace.time_is_up:
@@ -243,17 +242,3 @@ class _Watch(BaseCallback):
             description=words if best is None else f"{words}, best SPL {best:.4f}",
         )
         return not (self._stop.asked or self._pace.time_is_up)
-
-
-def progress_bar() -> Progress:
-    """Of a training, on standard error, on a terminal only."""
-    console = Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.percentage:.0f}%"),
-        TimeElapsedColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )

@@ -25,6 +25,7 @@ from agents.cards import Card, card_from
 from agents.lessons import COLUMNS, row
 from agents.models import Network
 from agents.torch_models import Learned
+from agents.worker_processes import deaths_told
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
@@ -88,12 +89,16 @@ def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visite
     """Visits that are flown from now on, in other processes if there are several workers.
 
     What came of them, in their order. At the end of the context those that are left are given up.
+
+    Raises:
+        ChildProcessError: a worker died.
     """
     flying = Parallel(n_jobs=workers, return_as="generator")
     with _deaf():
         visited = flying(delayed(visit)(one) for one in visits)
     try:
-        yield visited
+        with deaths_told():
+            yield visited
     finally:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # joblib's word on what is given up

@@ -20,12 +20,13 @@ import numba
 import numpy as np
 from rich.table import Table
 
-from agents import shelf, tables
+from agents import shelf
 from agents.batched import fly_batch
 from agents.evaluation_request import is_batched
 from agents.flights import fly
 from agents.pilots import pilot
 from agents.policies import Policy, expert, make_policy
+from agents.terminal import Terminal
 from agents.warm_up import warm_policy
 from ferguson_gym.catalog import select
 from ferguson_gym.fields import Field
@@ -82,7 +83,7 @@ def main() -> None:
         median, most = np.quantile(seconds, [0.5, 0.9])
         cells = (f"{1e3 * median:.1f}", f"{1e3 * most:.1f}", f"{slow / median:,.0f} times that")
         table.add_row(name, str(len(seconds)), str(arrived), *cells)
-    tables.console().print(table)
+    Terminal().show(table)
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ from ferguson_gym.fields import Field, from_json
 from ferguson_gym.paper import paper_field
 from ferguson_gym.suites import SPLITS, SUITES, suite_field
 
-_NAMED = re.compile(r"(?P<family>[^:]*):(?P<first>[0-9]+)(-(?P<last>[0-9]+))?")
+_NAMED = re.compile(r"(?P<family>[^:]*):(?P<first>[0-9]{1,40})(-(?P<last>[0-9]{1,40}))?")
 
 GRAMMAR = (
     "fields are named paper:1 to paper:4, SUITE/SPLIT:SEED or SUITE/SPLIT:A-B (B included; "

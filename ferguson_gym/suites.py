@@ -15,6 +15,7 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.fields import GOAL, START, Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.paper import draw_discs, latin_hypercube
+from ferguson_gym.spelling import meant
 
 SPLITS = ("train", "validation", "test")
 """Tune on train, choose on validation, open test once."""
@@ -124,9 +125,11 @@ def check_suite(suite: str, split: str) -> None:
         ValueError: an unknown suite or split.
     """
     if suite not in SUITES:
-        raise ValueError(f"unknown suite {suite!r}; suites are {', '.join(SUITES)}")
+        near = meant(suite, SUITES)
+        raise ValueError(f"unknown suite {suite!r}{near}; suites are {', '.join(SUITES)}")
     if split not in SPLITS:
-        raise ValueError(f"unknown split {split!r}; splits are {', '.join(SPLITS)}")
+        near = meant(split, SPLITS)
+        raise ValueError(f"unknown split {split!r}{near}; splits are {', '.join(SPLITS)}")
 
 
 def altered(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from ferguson_gym.spelling import meant
 from planners.astar import AStar
 from planners.backtracking import Backtracking
 from planners.budget import Iterations
@@ -132,7 +133,8 @@ def make(name: str) -> Planner:
     """
     plain, *options = name.split("+")
     if plain not in PLANNERS:
-        raise ValueError(f"unknown planner {plain!r}; planners are {', '.join(PLANNERS)}")
+        near = meant(plain, PLANNERS)
+        raise ValueError(f"unknown planner {plain!r}{near}; planners are {', '.join(PLANNERS)}")
     planner = PLANNERS[plain]()
     labels = [option.partition("=")[0] for option in options]
     if len(set(labels)) < len(labels):
@@ -143,7 +145,10 @@ def make(name: str) -> Planner:
             "leave one out"
         )
     if unknown := [option for option in options if not _is_known(option)]:
-        raise ValueError(f"unknown option {unknown[0]!r} of planner {plain!r}; need {OPTIONS}")
+        near = meant(unknown[0].partition("=")[0], _ORDER)
+        raise ValueError(
+            f"unknown option {unknown[0]!r} of planner {plain!r}{near}; need {OPTIONS}"
+        )
     for option in sorted(options, key=lambda option: _ORDER.index(option.partition("=")[0])):
         planner = _with_option(planner, plain, option)
     return planner

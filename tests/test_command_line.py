@@ -85,7 +85,7 @@ def test_a_plan_with_options_says_so(capsys: pytest.CaptureFixture[str]) -> None
     [
         (["guided", "--sensing-range", "0"], "the longest segment, 15 m, got 0 m"),
         (["guided", "--sensing-range", "14.5"], "the longest segment, 15 m, got 14.5 m"),
-        (["guided", "--sensing-range", "far"], "invalid float value: 'far'"),
+        (["guided", "--sensing-range", "far"], "need a number of metres, got 'far'"),
         (["shortest", "--sensing-range", "20"], "'shortest' plans its whole path at once"),
         (["astar", "--backtrack"], "'astar' plans its whole path at once"),
     ],
@@ -123,18 +123,16 @@ def test_a_plan_along_a_route_tells_of_the_route(capsys: pytest.CaptureFixture[s
     assert "evaluations" not in " ".join(facts)
 
 
-def test_a_route_that_is_not_the_shortest_says_by_how_much(
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_a_route_that_is_not_the_shortest_says_by_how_much() -> None:
     report = planning.plan(make("shortest"), "slow", one("sparse/train:0"), 0)
     exact = report.flight.exact_length
     assert exact is not None
     route = Route(
         points=np.empty((0, 2)), length=1.5 * exact, progress=[(0.1, 999.0), (2.5, 1.5 * exact)]
     )
-    replace(report, plan=replace(report.plan, route=route)).show()
+    shown = replace(report, plan=replace(report.plan, route=route)).lines()
     told = f"route: {1.5 * exact:.4f} m, 50.00 % above the shortest path, found after 2.500 s"
-    assert capsys.readouterr().out.startswith(f"{told}\n")
+    assert next(shown) == told
 
 
 def test_without_a_route_there_is_none_to_tell_of(
@@ -157,7 +155,7 @@ def test_evaluate_prints_tables_and_writes_results(
     assert main(["evaluate", *arguments, "--out", str(target)]) == 0
     out = capsys.readouterr().out
     assert "single-start paper:1" in out
-    assert "144.8458" in out
+    assert "144.85" in out
     assert "(N/A)" in out
     assert (target / "flights.csv").exists()
 
@@ -248,7 +246,6 @@ def test_bad_fields_are_one_line_and_status_two(
             "field paper:1 is named twice",
         ),
         (["land"], "invalid choice: 'land'"),
-        ([], "required: COMMAND"),
     ],
 )
 def test_bad_arguments_are_one_line_and_status_two(
@@ -326,4 +323,4 @@ def test_the_program_is_installed_and_runs() -> None:
     done = subprocess.run([PROGRAM, "--version"], capture_output=True, text=True, check=True)
     assert done.stdout.startswith("ferguson ")
     done = subprocess.run([PROGRAM, "plan", "--help"], capture_output=True, text=True, check=True)
-    assert "example: ferguson plan" in done.stdout
+    assert "  ferguson plan paper:2 --planner" in done.stdout

@@ -61,8 +61,9 @@ def test_the_recovered_environment_replays_every_transition(
     root: Path, more: Sequence[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert demos(*more) == 0
-    said = capsys.readouterr().out
-    assert re.fullmatch(rf"4 flights, \d+ steps\nwrote dataset {ID} to {root / ID}\n", said)
+    out, err = capsys.readouterr()
+    assert re.fullmatch(r"4 flights, \d+ steps\n", out)
+    assert err == f"wrote dataset {ID} to {root / ID}\n"
     dataset = minari.load_dataset(ID)
     env = dataset.recover_environment()
     notes = list(dataset.storage.get_episode_metadata(dataset.episode_indices))

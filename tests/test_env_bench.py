@@ -18,6 +18,7 @@ from agents.command_line import main
 from agents.env_bench import Request, Row, measure, ratios, speeds, summary
 from agents.env_drivers import Entry, ForBaselines, OneByOne, Slice, Together, entries
 from agents.env_processes import in_processes
+from agents.terminal import Terminal
 from ferguson_gym.environment import ObstacleField
 
 REQUEST = Request(observation="discs", seconds=1e-9, rounds=3, seed=0, first_step=False)
@@ -141,7 +142,7 @@ def test_rounds_are_interleaved_and_warmed_up_before() -> None:
         Entry(name=n, number=1, make=partial(nullcontext, n), driver=Recorder, fields=0)
         for n in "ab"
     ]
-    slices = measure(fakes, REQUEST, Console(quiet=True))
+    slices = measure(fakes, REQUEST, Terminal(quiet=True).still_bar())
     assert ran == ["a reset", "a", "b reset", "b", *["a", "b"] * 3]
     assert {row: len(rounds) for row, rounds in slices.items()} == {("a", 1): 3, ("b", 1): 3}
 
@@ -223,7 +224,7 @@ def test_tables_and_files_tell_the_same(
     arguments = ["--observation", observation, "--seconds", seconds, "--rounds", "2"]
     assert main(["bench", "env", *arguments, "--seed", "7", "--out", "deep/results"]) == 0
     printed, err = capsys.readouterr()
-    assert err == ""
+    assert err == "wrote steps.csv, summary.json to deep/results\n"
     report = json.loads(Path("deep/results/summary.json").read_text())
     with Path("deep/results/steps.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

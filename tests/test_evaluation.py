@@ -130,5 +130,5 @@ def test_a_policy_that_is_named_by_a_path_has_its_picture_among_the_others(
     monkeypatch.setitem(PLANNERS, name, single_start)
     evaluate([name], FIELDS[:1], range(1), tmp_path)
     assert (tmp_path / "results-ppo-best.zip.png").read_bytes().startswith(b"\x89PNG")
-    assert "results-ppo-best.zip.png" in capsys.readouterr().out
+    assert "results-ppo-best.zip.png" in capsys.readouterr().err
     assert rows(tmp_path / "flights.csv")[0]["policy"] == name

@@ -240,7 +240,7 @@ def test_results_that_are_there_are_not_flown_again(
 ) -> None:
     monkeypatch.setattr(evaluation_chunks, "_one_by_one", lambda *_: 1 / 0)
     evaluation.run(REQUEST, tmp_path / "whole", ALONE)
-    assert "holds these results already; --fresh flies again" in capsys.readouterr().out
+    assert "holds these results already; --fresh flies again" in capsys.readouterr().err
     assert contents(tmp_path / "whole") == whole
     with pytest.raises(ZeroDivisionError):
         evaluation.run(REQUEST, tmp_path / "whole", ALONE, fresh=True)

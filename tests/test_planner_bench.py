@@ -154,7 +154,7 @@ def test_planners_that_are_not_installed_are_left_out_or_refused(
 
 def leaves_out_or_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*BENCH, "--out", str(tmp_path / "all")]) == 0
-    printed = capsys.readouterr().out
+    printed = capsys.readouterr().err
     assert "left out far: far needs far-lib: pip install 'ferguson-gym[peers]'\n" in printed
     assert {row["planner"] for row in rows(tmp_path / "all" / "planners.csv")} == {"without"}
     summary = json.loads((tmp_path / "all" / "summary.json").read_text())

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from agents import summaries
 from agents.flights import Flight, fly, fly_by_name
 from agents.hands import Hand, share_handed_over
 from agents.policies import Policy, make_policy
 from agents.shield import PATIENCE, Shield
-from agents.tables import shields
+from agents.statistics_tables import shields
 from ferguson_gym import flight
 from ferguson_gym.catalog import one, select
 from ferguson_gym.environment import ObstacleField
@@ -150,11 +151,13 @@ def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
 
 def test_what_happened_is_told_in_a_table() -> None:
     flown = [shielded(Always(*CIRCLING), OPEN), fly_by_name("guided", OPEN, 0)]
-    table = shields(flown)
+    told = summaries.shields(flown)
+    assert told[0]["steps"] == len(flown[0].hands)
+    table = shields(told)
     assert table is not None
     assert table.row_count == 1
     assert "loitering" in next(iter(table.columns[-1].cells))
-    assert shields(flown[1:]) is None
+    assert shields(summaries.shields(flown[1:])) is None
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,6 @@ def test_every_solver_has_a_row_for_every_window(
         ([*BENCH[:-1], "sparse/train:3-1"], "empty range"),
         ([*BENCH, "--windows", "0"], "from 1 on"),
         ([*BENCH, "--ipopt-every", "-1"], "--ipopt-every"),
-        (["bench"], "required: SUBJECT"),
         (["bench", "kites"], "invalid choice: 'kites'"),
     ],
 )

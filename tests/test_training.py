@@ -103,7 +103,7 @@ def test_a_training_leaves_a_model_its_card_and_its_curve(
     # the same command has nothing left to do
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
     assert main(command(algorithm, "--seed", "3")) == 0
-    assert "holds this training, finished; --fresh starts over" in capsys.readouterr().out
+    assert "holds this training, finished; --fresh starts over" in capsys.readouterr().err
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == before
 
 
@@ -365,7 +365,10 @@ def test_models_of_another_kind_are_no_beginning(
     assert main(["train", "ppo", "--out", str(start), "--from", str(start)]) == 2
     assert "lies in --out" in capsys.readouterr().err
     assert main(["train", "luck", "--out", str(tmp_path / "out")]) == 2
-    assert "unknown algorithm 'luck'; algorithms are ppo, sac, td3, tqc" in capsys.readouterr().err
+    assert (
+        "invalid choice: 'luck'; choose from ppo, sac, td3, tqc, bc, dagger"
+        in capsys.readouterr().err
+    )
 
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yml")), ids=lambda file: file.stem)

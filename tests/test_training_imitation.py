@@ -131,7 +131,7 @@ def test_dagger_leaves_a_model_its_card_and_its_curve(
     assert "SPL" in capsys.readouterr().out
     # the same command has nothing left to do
     assert main(command("dagger", "--seed", "3")) == 0
-    assert "holds this training, finished" in capsys.readouterr().out
+    assert "holds this training, finished" in capsys.readouterr().err
 
 
 def test_a_learner_learns_what_the_expert_does(command: Command, tmp_path: Path) -> None:

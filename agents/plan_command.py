@@ -1,0 +1,118 @@
+"""`ferguson plan`: what it is asked, and the input checked."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from agents.arguments import DONE, Job, add_manners, metres, seed
+from agents.completion import FILE, ONE_FIELD, PLANNER, POLICY, completes
+from agents.interruptions import put_off
+from agents.terminal import Terminal
+from ferguson_gym.catalog import one
+from ferguson_gym.flight import depart
+from planners.catalog import PLANNERS, named
+
+NO_PATH = 1
+HELP = "plan one field"
+DESCRIPTION = """\
+Plan one field; print the plan, and the windows or the route it came from. Exit status 1: no path
+was found."""
+EPILOG = """\
+examples:
+  ferguson plan paper:2 --planner multi-start --plot flight.png
+  ferguson plan my_field.json --planner shortest
+  ferguson plan traps/train:1 --planner guided --sensing-range 20
+  ferguson plan standard/test:3 --planner multi-start --start-from best
+  ferguson plan paper:1 --planner guided --json"""
+
+
+def add_to(plan: argparse.ArgumentParser) -> None:
+    """Give the command its arguments."""
+    completes(
+        plan.add_argument(
+            "field", metavar="FIELD", help="for example paper:1, standard/test:7 or my_field.json"
+        ),
+        ONE_FIELD,
+    )
+    completes(
+        plan.add_argument(
+            "--planner", required=True, metavar="NAME", help=f"one of {', '.join(PLANNERS)}"
+        ),
+        PLANNER,
+    )
+    plan.add_argument(
+        "--seed", type=seed, default=0, metavar="N", help="of the planner; default: 0"
+    )
+    plan.add_argument(
+        "--sensing-range",
+        type=metres,
+        metavar="R",
+        help="know only the obstacles within R metres of where the vehicle has been; at least 15, "
+        "for single-start, multi-start, guided and pursuit",
+    )
+    plan.add_argument(
+        "--backtrack", action="store_true", help="out of a dead end, be led along the shortest way"
+    )
+    plan.add_argument(
+        "--turn-radius", type=metres, metavar="R", help="turn no sharper than R metres (guided)"
+    )
+    completes(
+        plan.add_argument(
+            "--start-from",
+            metavar="POLICY",
+            help="start from what an agent, or any other policy, would fly (single-start, "
+            "multi-start)",
+        ),
+        POLICY,
+    )
+    plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    completes(
+        plan.add_argument(
+            "--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)"
+        ),
+        FILE,
+    )
+    add_manners(plan)
+    plan.set_defaults(prepare=prepare)
+
+
+def prepare(options: argparse.Namespace) -> Job:
+    """Check the input before anything is planned.
+
+    Raises:
+        ValueError: a planner, a field or a picture that cannot be.
+    """
+    from agents import planning
+    from agents.pictures import check_target
+    from agents.policies import make_planner
+    from agents.warm_up import warm
+
+    name = named(
+        options.planner,
+        options.backtrack,
+        options.sensing_range,
+        options.turn_radius,
+        options.start_from,
+    )
+    make_planner(name)  # refuses unknown names, and options that do not fit
+    field = one(options.field)
+    depart(field)  # refuses what cannot be flown
+    if options.plot is not None:
+        check_target(options.plot)
+    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
+
+    def job() -> int:
+        planner = warm(name)
+        with put_off():
+            report = planning.plan(planner, name, field, options.seed)
+        if options.json:
+            terminal.show_json(report.to_json())
+        else:
+            terminal.show(*report.lines(windows=not options.quiet))
+        if options.plot is not None:
+            report.draw(options.plot)
+            terminal.note(f"wrote {options.plot}")
+        return DONE if report.plan.success else NO_PATH
+
+    return job
