@@ -7,12 +7,12 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from agents import evaluation_work, provenance, results, statistics_tables, summaries
 from agents.backends import Backend
+from agents.comparison_picture import COLOURS, draw_comparison
 from agents.evaluation_chunks import to_draw
 from agents.evaluation_request import Request, Source, field_of
+from agents.evaluation_timing import Timing, measure
 from agents.evaluation_work import Work
 from agents.flights import Flight
 from agents.pictures import draw_flights, picture_of
@@ -26,6 +26,8 @@ from ferguson_gym.files import written_whole
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", "report.html")
 """What a directory of results may hold beside pictures."""
+COMPARISON = "comparison.png"
+"""All policies over the first fields, if there are several, and not more than colours."""
 
 
 def evaluate(
@@ -85,8 +87,13 @@ def run(
         for done in evaluation_work.fly(work, missing, backend, together):
             progress.advance(task, done)
     flown = _write(work)
+    with terminal.bar() as progress:
+        timings = [
+            measure(request, policy)
+            for policy in progress.track(request.policies, description="times")
+        ]
     made = {"command": command, "backend": backend.name, "workers": backend.workers}
-    _summarise(work, flown, made | {"batch": together})
+    _summarise(work, flown, timings, made | {"batch": together})
     names = sorted(path.name for path in work.staging.iterdir())
     for name in sorted(names, key="summary.json".__eq__):  # which vouches for the others
         (work.staging / name).replace(directory / name)
@@ -106,9 +113,12 @@ def _write(work: Work) -> list[Record]:
     work.staging.mkdir(exist_ok=True)
     flown = list(results.write_flights(work.staging, work.records()))
     results.write_paths(work.staging / "paths.npz", flown, _controls(work))
-    for policy in work.request.policies:
+    drawn = {policy: _drawn(work, policy) for policy in work.request.policies}
+    for policy, flights in drawn.items():
         title = f"{policy}, policy seed {work.request.seeds[0]}"
-        draw_flights(_drawn(work, policy), work.staging / picture_of(policy), title=title)
+        draw_flights(flights, work.staging / picture_of(policy), title=title)
+    if 1 < len(drawn) <= len(COLOURS):
+        draw_comparison(list(zip(*drawn.values(), strict=True)), work.staging / COMPARISON)
     return flown
 
 
@@ -129,14 +139,16 @@ def _drawn(work: Work, policy: str) -> list[Flight]:
     return flights
 
 
-def _summarise(work: Work, flown: Sequence[Record], made: dict[str, Any]) -> None:
+def _summarise(
+    work: Work, flown: Sequence[Record], timings: Sequence[Timing], made: dict[str, Any]
+) -> None:
     """Write summary.json: how the results were made, and what came out."""
     summary = {
         **made,
         "configuration": work.request.configuration,
         "machine": provenance.facts(),
         "flights": len(flown),
-        "policies": [_told(work.request, policy, flown) for policy in work.request.policies],
+        "policies": [_told(work.request, timing, flown) for timing in timings],
         "statistics": summarise(work.staging),
         "shields": summaries.shields(flown),
         "paper": summaries.on_paper(flown),
@@ -149,18 +161,15 @@ def _summarise(work: Work, flown: Sequence[Record], made: dict[str, Any]) -> Non
     write_report(work.staging, drawn, summary["statistics"])
 
 
-def _told(request: Request, policy: str, flown: Sequence[Record]) -> dict[str, Any]:
+def _told(request: Request, timing: Timing, flown: Sequence[Record]) -> dict[str, Any]:
     """Of a policy, its part of the summary; times are in seconds."""
-    mine = [flight for flight in flown if flight.policy == policy]
-    asked = np.concatenate([flight.decision_seconds for flight in mine])
+    policy = timing.policy
     return {
         "policy": policy,
         "models": request.configuration["policies"][policy],
         "stopped_by_clock": provenance.stopped_by_clock(policy),
-        "flight_seconds": sum(flight.seconds for flight in mine),
-        "decisions_timed": len(asked),
-        "decision_seconds_median": float(np.median(asked)) if len(asked) else None,
-        "decision_seconds_99": float(np.quantile(asked, 0.99)) if len(asked) else None,
+        "flight_seconds": sum(flight.seconds for flight in flown if flight.policy == policy),
+        **timing.told(),
     }
 
 

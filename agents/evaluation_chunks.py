@@ -1,9 +1,8 @@
 """Flying a chunk: what a worker is handed, and what it gives back.
 
-Agents that fly alone fly the fields of a chunk as a batch. What a decision costs is then no
-question with one answer, so it is asked one at a time: every `TIMED`th flight is flown again alone,
-with the clock, and the others' decisions have no times. Their seconds are equal shares of the
-batch's.
+Agents that fly alone fly the fields of a chunk as a batch. Their decisions have no times of their
+own then, and a flight's seconds are an equal share of the batch's; `agents.evaluation_timing`
+measures what decisions cost.
 """
 
 from __future__ import annotations
@@ -18,15 +17,13 @@ import numpy as np
 
 from agents import provenance, records
 from agents.evaluation_request import Chunk, Request, Source, field_of, is_batched
-from agents.flights import Flight, fly, fly_by_name
+from agents.flights import Flight, fly_by_name
 from agents.policies import plain_agent
 from agents.records import Pack, Record, Trace, record_of, trace_of
 from agents.warm_up import compile_kernels, small_field
 
 PANELS = 4
 """Fields drawn in a policy's picture, the first ones."""
-TIMED = 16
-"""Of flights in batches, one of so many is timed."""
 _ONE_AT_A_TIME = threading.Lock()
 """Clusters may give a process several chunks at once; compiled code may not fly them so."""
 
@@ -145,9 +142,6 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
     share = (time.perf_counter() - began) / len(fields)
     flown = []
     for k, (one, (_, seed)) in enumerate(zip(batch, task.flights, strict=True)):
-        asked: list[float] = []
-        if (task.first + k) % TIMED == 0:
-            asked = fly(ready, task.policy, one.field, seed).decision_seconds
         flight = Flight(
             policy=task.policy,
             field=one.field,
@@ -157,7 +151,7 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
             refused=one.refused,
             clearance=one.clearance,
             seconds=share,
-            decision_seconds=asked,
+            decision_seconds=[],
             decisions=[],
         )
         flown.append((record_of(flight), trace_of(flight, task.drawn[k])))

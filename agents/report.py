@@ -11,6 +11,7 @@ from typing import Any
 from agents.flight_table import read
 from agents.report_flights import BUDGET, browser
 from agents.statistics import summary
+from agents.summaries import timed
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
 from ferguson_gym.outcome import Outcome
@@ -21,7 +22,6 @@ FEW = 20
 _TEMPLATE = "report_template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
-_DECISIONS = ("decision_seconds_median", "decision_seconds_99")
 _CLOCK = "stopped_by_clock"
 _LONG = 400
 """Characters of a value of the provenance that are shown."""
@@ -36,8 +36,8 @@ def write_report(
     """Write report.html beside flights.csv, timings.csv, paths.npz and summary.json.
 
     Of these, only flights.csv must be there. What summary.json says of how the results were made
-    is shown, and times of decisions are taken from its `policies`, where they are over all
-    decisions of a policy; timings.csv knows a flight's median and slowest decision.
+    is shown, and times are taken from its `policies`, where they were measured when nothing else
+    flew; timings.csv knows what they were while others did.
 
     Args:
         directory: results of an evaluation.
@@ -53,12 +53,7 @@ def write_report(
     found = summary(flights) if statistics is None else dict(statistics)
     held = _held(directory / "summary.json")
     told = {one.get("policy"): one for one in held.get("policies", ()) if isinstance(one, dict)}
-    found["policies"] = [
-        one | {key: told[one["policy"]].get(key, one.get(key)) for key in _DECISIONS}
-        if one["policy"] in told
-        else one
-        for one in found["policies"]
-    ]
+    found["policies"] = timed(found["policies"], told.values())
     lines = headline(found)
     if clocked := [name for name in flights.policies if told.get(name, {}).get(_CLOCK)]:
         lines["sentences"].append(

@@ -45,9 +45,9 @@ HOW = {
     "improvement": "Share of flights in which the first is shorter; alike within 1e-5 m, or both "
     "failed, counts half; a failure loses against any success.",
     "profiles": "Share of flights with a gap of at most x; a failure never has one.",
-    "times": "Decision: median over flights of a flight's median decision, and 99th percentile "
-    "over flights of its slowest one, unless it says 99 % alone: then both are over all decisions. "
-    "Flight: all of a flight, failed ones as far as they flew.",
+    "times": "Measured on up to 20 flights of each policy, one policy at a time, when nothing else "
+    "of the evaluation ran: median and 99th percentile over all decisions, median over flights. "
+    "Results that lack them show medians and 99th percentiles over flights as they were flown.",
 }
 """What each statistic is and how it treats failures, for people."""
 

@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from agents.summaries import timed
 from agents.tables import empty_table
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paper import TABLE_I
@@ -25,6 +26,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
         summary: the object of summary.json.
     """
     found = summary["statistics"]
+    found = {**found, "policies": timed(found["policies"], summary["policies"])}
     yield policies(found)
     remarks = [
         *failures(found),

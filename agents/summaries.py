@@ -1,9 +1,9 @@
-"""What a summary tells of flights beside statistics: whose hands they were in, and the paper's."""
+"""What a summary tells of flights beside statistics: whose hands, the paper's, what they cost."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -56,3 +56,25 @@ def on_paper(flights: Sequence[Record]) -> list[dict[str, Any]]:
 
 def _median(values: Sequence[float]) -> float | None:
     return float(np.median(values)) if values else None
+
+
+TIMES = ("decision_seconds_median", "decision_seconds_99", "flight_seconds_median")
+"""What `agents.evaluation_timing` measures, as a summary has it."""
+
+
+def timed(
+    policies: Iterable[Mapping[str, Any]], told: Iterable[Mapping[str, Any]]
+) -> list[dict[str, Any]]:
+    """Statistics of policies with the times that were measured when nothing else flew.
+
+    Args:
+        policies: as `agents.statistics.summary` has them, with times as they flew.
+        told: `policies` of summary.json; where it does not tell a time, the other one stays.
+    """
+    measured = {one.get("policy"): one for one in told}
+    return [
+        {**one, **{key: measured[one["policy"]].get(key, one.get(key)) for key in TIMES}}
+        if one["policy"] in measured
+        else dict(one)
+        for one in policies
+    ]
