@@ -19,6 +19,9 @@ from tests.documents import PAGES, README, ROOT, Block, blocks, commands_of, red
 LANGUAGES = {"python", "sh", "json", "{toctree}"}
 SHELL = [block for page in PAGES for block in blocks(page, "sh")]
 FERGUSON, PYTHON = ".venv/bin/ferguson", ".venv/bin/python"
+TWO_FIELDS = "standard/validation:0-1"
+TRAIN, STUDY = ["--choose-on", TWO_FIELDS, "--report-on", TWO_FIELDS], ["--steps", "600"]
+"""What is said besides to commands that would take long."""
 FILE = re.compile(r"`((?:agents|benchmarks|docs|examples|ferguson_gym|planners|tests)/[\w./-]+)`")
 CLUSTER = "dask"
 """Other tests start a scheduler, and fly with its workers."""
@@ -80,10 +83,10 @@ def test_commands_run_one_after_the_other(page: Path, place: Path) -> None:
             if CLUSTER in words:
                 continue
             program, *few = reduced(words)
-            if program == PYTHON:
-                run_script(few, place)
+            if program == FERGUSON:
+                assert main([*few, *(TRAIN if words[1] == "train" else [])]) == 0, words
             else:
-                assert main(few) == 0, words
+                run_script([*few, *(STUDY if "study" in few else [])], place)
 
 
 def run_script(words: list[str], place: Path) -> None:
