@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: run test test-slow check format clean
+.PHONY: run test test-slow check docs format clean
 
 run: .venv/installed-base  ## fly the paper's planner through its four fields
 	$(BIN)/ferguson evaluate --policy single-start --policy multi-start \
@@ -15,18 +15,22 @@ test: .venv/installed-dev  ## the tests, without those that need minutes
 test-slow: .venv/installed-dev  ## the tests that need minutes
 	$(BIN)/pytest -m slow --timeout 7200
 
-check: .venv/installed-dev  ## style, types and the import contract
+check: .venv/installed-dev docs  ## style, types, the import contract, and whether the pages build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: .venv/installed-docs  ## the pages, docs/_build/html/index.html; a warning is an error
+	$(BIN)/sphinx-build --quiet --jobs 2 --fail-on-warning --doctree-dir docs/_build/doctrees \
+		docs docs/_build/html || { rm -rf docs/_build; exit 1; }  # warnings come when pages are read
 
 format: .venv/installed-dev
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv results build dist .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv results build dist docs/_build .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
 .venv/installed-base: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --editable .
@@ -34,6 +38,10 @@ clean:
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --editable '.[dev,agents,cluster,demos,peers]'
+	touch $@ .venv/installed-base
+
+.venv/installed-docs: pyproject.toml constraints.txt | .venv/bin/python
+	$(PIP) --editable '.[docs,agents,demos,peers]'
 	touch $@ .venv/installed-base
 
 .venv/bin/python:

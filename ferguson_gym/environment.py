@@ -36,7 +36,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     ## Description
     A vehicle flies in the plane along Ferguson (cubic Hermite) segments that join with one
     tangent. Each action is a segment; an episode is a flight. Every segment is certified
-    along its whole length, not sampled. After Paper: Receding Horizon UAV Path Planning Via
+    along its whole length, not sampled. After the paper Receding Horizon UAV Path Planning Via
     Gradient-Based Optimization of Ferguson Splines (2015).
 
     ## Action space

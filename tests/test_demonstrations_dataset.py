@@ -2,7 +2,6 @@
 
 import json
 import re
-import shlex
 import signal
 import subprocess
 import sys
@@ -250,19 +249,3 @@ def test_a_dataset_that_lost_flights_is_refused(root: Path) -> None:
         del file["episode_3"]
     with pytest.raises(ValueError, match=f"dataset {ID} is damaged or cannot be read"):
         read(ID)
-
-
-def test_the_page_on_demonstrations_does_what_it_says(
-    root: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    text = (Path(__file__).parent.parent / "docs" / "demonstrations.md").read_text()
-    (command,) = re.findall(r"```sh\n(.*?)```", text, flags=re.DOTALL)
-    words = shlex.split(command.replace("0-99", "0-3"))
-    assert words[0] == ".venv/bin/ferguson"
-    assert main(words[1:]) == 0
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 2
-    for block in blocks:
-        capsys.readouterr()
-        exec(compile(block, "demonstrations.md", "exec"), {})
-        assert capsys.readouterr().out

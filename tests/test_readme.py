@@ -1,30 +1,24 @@
 """The README does what it says: its Python runs, and so do its commands."""
 
 import re
-import shlex
 from pathlib import Path
 
 import pytest
 
 from agents.command_line import main
+from tests.documents import README, ROOT, Block, blocks, commands_of
 
-ROOT = Path(__file__).parent.parent
-TEXT = (ROOT / "README.md").read_text()
-
-
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"```{language}\n(.*?)```", TEXT, flags=re.DOTALL)
+TEXT = README.read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("number", range(len(blocks("python"))))
-def test_python_runs(number: int, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(blocks("python")[number], "README.md", "exec"), {})
+@pytest.mark.parametrize("block", blocks(README, "python"), ids=str)
+def test_python_runs(block: Block, capsys: pytest.CaptureFixture[str]) -> None:
+    exec(compile(block.text, str(block), "exec"), {})
     assert capsys.readouterr().out
 
 
 def commands() -> list[list[str]]:
-    text = "".join(blocks("sh")).replace("\\\n", " ")
-    return [shlex.split(line.partition("  #")[0]) for line in text.splitlines()]
+    return [words for block in blocks(README, "sh") for words in commands_of(block)]
 
 
 LONG = {"0-29", "200", "standard/validation:0-99", "standard/train:0-999"}
