@@ -5,9 +5,10 @@ PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constr
 
 .PHONY: run test test-slow check docs format clean
 
-run: .venv/installed-base  ## fly the paper's planner through its four fields
-	$(BIN)/ferguson evaluate --policy single-start --policy multi-start \
-		--fields paper:1-4 --out results/paper --workers 2 --fresh
+run: .venv/installed-base  ## five policies through the paper's fields and 100 others
+	$(BIN)/ferguson evaluate --policy shortest --policy guided --policy multi-start \
+		--policy single-start --policy best --fields paper:1-4 \
+		--fields standard/validation:0-99 --out results/first --workers 2 --fresh
 
 test: .venv/installed-dev  ## the tests, without those that need minutes
 	$(BIN)/pytest -n 2 --dist loadfile
