@@ -15,6 +15,7 @@ from agents.evaluation_request import Request, Source, field_of
 from agents.evaluation_timing import Timing, measure
 from agents.evaluation_work import Work
 from agents.flights import Flight
+from agents.interruptions import put_off
 from agents.pictures import draw_flights, picture_of
 from agents.records import Record, flight_of
 from agents.report import write_report
@@ -87,11 +88,11 @@ def run(
         for done in evaluation_work.fly(work, missing, backend, together):
             progress.advance(task, done)
     flown = _write(work)
-    with terminal.bar() as progress:
-        timings = [
-            measure(request, policy)
-            for policy in progress.track(request.policies, description="times")
-        ]
+    timings = []
+    with terminal.still_bar() as progress:
+        for policy in progress.track(request.policies, description="times"):
+            with put_off() as look:
+                timings.append(measure(request, policy, look=look))
     made = {"command": command, "backend": backend.name, "workers": backend.workers}
     _summarise(work, flown, timings, made | {"batch": together})
     names = sorted(path.name for path in work.staging.iterdir())

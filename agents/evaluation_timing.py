@@ -7,7 +7,7 @@ So its clocks tell how long it took, and not what a policy costs to those who fl
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,13 +44,19 @@ class Timing:
         }
 
 
-def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
+def measure(
+    request: Request,
+    policy: str,
+    budget: float = BUDGET,
+    look: Callable[[], None] = lambda: None,
+) -> Timing:
     """Time a policy, on flights that are spread evenly over those of a request.
 
     Args:
         request: which flights there are.
         policy: one of its policies.
         budget: seconds after which no further flight is begun; one is flown in any case.
+        look: called after each flight; may raise, to stop.
 
     Raises:
         ValueError: an agent that cannot be loaded.
@@ -65,6 +71,7 @@ def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
         flown = fly(ready, policy, field_of(source), seed)
         decisions += flown.decision_seconds
         flights.append(flown.seconds)
+        look()
         if time.perf_counter() - began > budget:
             break
     return Timing(policy=policy, decisions=decisions, flights=flights)

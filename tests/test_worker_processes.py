@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from joblib import delayed
 
-from agents import demonstrations_work, planner_runs
+from agents import demonstrations_work, evaluation_chunks, evaluation_timing, planner_runs
 from agents.command_line import main
+from agents.evaluation_work import WORK
 from agents.worker_processes import spread
 from tests.waiting import until
 
@@ -82,6 +83,21 @@ def test_a_comparison_of_planners_stops_after_a_plan(
     assert len(ended) == 3
     assert capsys.readouterr().err == "ferguson: interrupted\n"
     assert len((tmp_path / "planners.csv").read_text().splitlines()) == 1 + 2
+
+
+def test_an_evaluation_that_is_interrupted_while_it_times_has_only_that_to_do_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["evaluate", "--policy", "shortest", "--fields", "sparse/train:0-4", "-q"]
+    command += ["--out", str(tmp_path)]
+    with monkeypatch.context() as patch:
+        ended = press(evaluation_timing, "fly", patch, at=1)
+        assert main(command) == 130
+    assert len(ended) == 2  # the flight came to its end
+    assert [path.name for path in tmp_path.iterdir()] == [WORK]
+    monkeypatch.setattr(evaluation_chunks, "fly_by_name", lambda *_: 1 / 0)
+    assert main(command) == 0
+    assert (tmp_path / "summary.json").exists()
 
 
 def below(pid: int) -> list[int]:
