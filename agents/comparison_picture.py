@@ -17,7 +17,6 @@ from matplotlib.lines import Line2D
 from agents.flights import Flight
 from ferguson_gym.drawing import draw_field, style
 from ferguson_gym.files import written_whole
-from ferguson_gym.paths import Path as Flown
 from ferguson_gym.splines import evaluate
 from planners.shortest import shortest_path
 
@@ -81,7 +80,8 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
             "lw": 1.5 + 3.0 * (len(flights) - 1 - k) / len(flights),
         }
         if len(flight.control):
-            axes.plot(*Flown(flight.control).points().T, zorder=4, solid_capstyle="round", **look)
+            points = evaluate(flight.control, _T).reshape(-1, 2)
+            axes.plot(*points.T, zorder=4, solid_capstyle="round", **look)
         if not flight.success:
             _draw_failure(axes, flight, COLOURS[k])
         cross = {} if flight.success else _cross(6.0)
