@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from paper_claims import Row
 
 INK, TIME = "#0b5fa5", "#e07b00"
+RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def draw(table: Sequence[Row], out: Path) -> None:
@@ -29,7 +30,7 @@ def draw(table: Sequence[Row], out: Path) -> None:
         FigureCanvasAgg(figure)
         figure.set_layout_engine("constrained", h_pad=0.03, w_pad=0.03)
         heights = [1.0 + sum(row.group == group for row in table) for group in groups]
-        grid = figure.subplots(len(groups), 4, squeeze=False, height_ratios=heights, sharex="col")
+        grid = figure.subplots(len(groups), 4, squeeze=False, height_ratios=heights)
         for axes, group in zip(grid, groups, strict=True):
             members = [row for row in table if row.group == group]
             _points(axes[0], members, lambda row: (100 * row.success, _in(row.success_interval)))
@@ -38,15 +39,17 @@ def draw(table: Sequence[Row], out: Path) -> None:
             _points(axes[3], members, lambda row: (row.spl, row.spl_interval))
             axes[0].set_yticks(range(len(members)), [row.variant for row in members])
             axes[0].set_title(group, loc="left", fontweight="bold")
+            axes[0].set_xlim(0.0, 102.0)
             axes[2].set_xscale("log")
+            axes[2].set_xlim(0.25, 4.0)
+            axes[2].set_xticks(RATIOS, [f"{ratio:g}" for ratio in RATIOS], minor=False)
+            axes[2].minorticks_off()
+            axes[3].set_xlim(0.0, 1.02)
             axes[1].axvline(0.0, color="#bbbbbb", lw=0.8, zorder=0)
             axes[2].axvline(1.0, color="#bbbbbb", lw=0.8, zorder=0)
         names = ("success [%]", "longer than the reference [%]", "time a window, ratio", "SPL")
         for axes, name in zip(grid[-1], names, strict=True):
             axes.set_xlabel(name)
-        ticks = [0.25, 0.5, 1.0, 2.0, 4.0]
-        grid[-1][2].set_xticks(ticks, [f"{tick:g}" for tick in ticks], minor=False)
-        grid[-1][2].minorticks_off()
         with written_whole(out) as temporary:
             figure.savefig(temporary)
 

@@ -1,0 +1,86 @@
+"""The paper's claims are tested by variants that differ, and every row of the table is honest."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from ferguson_gym.arc_length import length
+from ferguson_gym.catalog import one
+from planners.interface import depart
+from planners.receding_horizon import RecedingHorizon
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.fixture
+def claims(monkeypatch: pytest.MonkeyPatch) -> Any:
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    import paper_claims
+
+    return paper_claims
+
+
+def test_every_variant_flies_and_each_is_held_against_its_reference(claims: Any) -> None:
+    flights = [claims.fly(one(f"sparse/train:{k}"), k, 2) for k in range(2)]
+    # those by SLSQP fly a tenth of the fields, and the first of them in any case
+    assert set(flights[0]) == set(claims.variants())
+    assert {name for name in flights[0] if "SLSQP" in name} == set(flights[0]) - set(flights[1])
+    lengths = {name: flown.length for name, flown in flights[0].items()}
+    assert len(set(lengths.values())) > len(lengths) / 2  # they fly differently
+    table = claims.rows(flights)
+    assert len(table) == sum(len(group) for group in claims.GROUPS.values())
+    for row in table:
+        assert 0.0 <= row.success_interval.low <= row.success <= row.success_interval.high <= 1.0
+        if row.variant == claims.REFERENCE:
+            assert row.longer == 0.0
+            assert row.slower == row.costlier == 1.0
+            assert row.mcnemar == 1.0
+    text = claims.markdown(table)
+    assert all(name in text for name in claims.variants())
+
+
+def test_a_failure_counts_in_success_and_spl_and_is_compared_in_neither_length_nor_time(
+    claims: Any,
+) -> None:
+    here = {"seconds": 1.0, "windows": 10, "evaluations": 5.0, "reach": 40.0, "winding": 1.0}
+    good = claims.Flown(success=True, length=150.0, spl=0.9, **here)
+    long = claims.Flown(success=True, length=165.0, spl=0.8, **(here | {"seconds": 4.0}))
+    bad = claims.Flown(success=False, length=20.0, spl=0.0, **(here | {"seconds": 99.0}))
+    row = claims._row("group", "variant", [(long, good), (bad, good), (good, bad)])
+    assert row.success == pytest.approx(2 / 3)
+    assert row.spl == pytest.approx((0.8 + 0.0 + 0.9) / 3)
+    assert row.longer == pytest.approx(0.1)
+    assert row.costlier == pytest.approx(4.0)
+    assert row.slower == pytest.approx((4.0 * 99.0 / 99.0) ** (1 / 3))
+
+
+def test_two_steps_end_where_the_first_does_and_are_no_longer(claims: Any) -> None:
+    import paper_claims_variants as variants
+
+    field = one("standard/train:0")
+    vehicle = depart(field).vehicle
+    planner = RecedingHorizon()
+    window = planner.window(field, vehicle)
+    ((_, guess), *_) = next(iter(planner.starts(window, depart(field), 0)))
+    nearest = replace(window, objective=replace(window.objective, alpha=0.0))
+    (first,) = variants.SEARCH.solve(nearest, [guess])
+    (both,) = variants.TwoSteps().solve(window, [guess])
+    assert first.feasible
+    assert both.feasible
+    assert both.solution.objective == first.solution.objective
+    assert both.control[-1, 1] == pytest.approx(first.control[-1, 1], abs=1e-9)
+    assert length(both.control).sum() <= length(first.control).sum() + 1e-6
+
+
+def test_a_random_guess_alone_never_flies_what_the_shifted_plan_leads_to(claims: Any) -> None:
+    import paper_claims_variants as variants
+
+    field = one("standard/train:0")
+    plan = variants.FromRandom().plan(field, depart(field), 0)
+    used = {decision.report.start for decision in plan.decisions if decision.chain is not None}
+    assert used <= {"proposal 1", "planned"}
+    assert "proposal 1" in used
+    assert not math.isnan(plan.decisions[0].report.objective)
