@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.actions import check_actions, decode, decode_into, encode
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import Array, finite
 from ferguson_gym.feasibility import Inspection, inspect
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
@@ -49,6 +50,13 @@ class Step:
 
 FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
 """Outcomes of segments that were flown."""
+
+
+class Follow(Protocol):
+    """How a vehicle flies a segment that was planned."""
+
+    def __call__(self, field: Field, state: State, segment: ArrayLike, limits: Limits) -> Step:
+        """Fly to the end of a segment (4, 2) from a state; refuse it if it is not feasible."""
 
 
 def depart(field: Field) -> State:
@@ -133,3 +141,18 @@ def follow(field: Field, state: State, segment: ArrayLike, limits: Limits = PAPE
     """
     action = encode(segment, state.position, state.derivative)
     return advance(field, state, action, limits)
+
+
+def follow_exactly(
+    field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
+) -> Step:
+    """Fly to the end of a segment as it is: what `follow` does, but for rounding to an action.
+
+    For limits whose segments no action reaches. The environment does not fly them; they are
+    snapped to the goal and certified as all others.
+    """
+    control = finite("segment", segment, (4, 2)).copy()
+    control[0], control[2] = state.position, state.derivative
+    if np.linalg.norm(control[1] - field.goal) <= limits.gate:
+        control[1] = field.goal
+    return _step(field, state, control, inspect(control, field), limits)

@@ -25,7 +25,7 @@ from planners.exchange import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart
 from planners.rollout import arriving, rest, roll_out
-from planners.starts import Proposer, RandomGuess, random_chains, shifted, straight
+from planners.starts import FirstGuess, Proposer, RandomGuess, as_planned, random_chains, shifted
 from planners.window import Window, WindowSettings, final_window, horizon_window
 
 
@@ -34,16 +34,21 @@ class RecedingHorizon:
     """The paper's planner, `single-start` without random starts, `multi-start` with ten.
 
     Raises:
-        ValueError: limits that allow segments longer than an action can express.
+        ValueError: limits that allow segments longer than an action can express, where they are
+            flown as actions.
 
     Reference:
         The paper, section III.
     """
 
+    first_guess: FirstGuess = as_planned
+    """What a window is searched from before all random guesses: the shifted plan."""
     random_starts: int = 10
-    """Random feasible guesses beside the shifted plan, for each window."""
+    """Random feasible guesses beside it, for each window."""
     draws: int = 10
     """Most draws for each of them; a start that stays infeasible is left out."""
+    redraws: tuple[int, ...] = (10, 100)
+    """How many times as many draws random guesses get where all starts led to nothing, in turn."""
     random_guess: RandomGuess = random_chains
     """How a random guess is drawn."""
     proposer: Proposer | None = None
@@ -55,26 +60,29 @@ class RecedingHorizon:
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
+    follow: flight.Follow = flight.follow
+    """How segments are flown: as the environment's actions, `flight.follow_exactly` without."""
     deadline: float = math.inf
     """Time [s] for a decision. When it has passed, the best certified chain found so far is
     flown, or what is left of the last; results then depend on the machine."""
 
     def __post_init__(self) -> None:
-        if self.limits.longest + self.limits.tolerance > REACH:
+        reach = REACH if self.follow is flight.follow else math.inf
+        if self.limits.longest + self.limits.tolerance > reach:
             raise ValueError(
-                f"an action reaches {REACH} m, too short for limits.longest = "
-                f"{self.limits.longest} m"
+                f"an action reaches {reach} m, too short for limits.longest = "
+                f"{self.limits.longest} m; flight.follow_exactly flies segments without actions"
             )
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal. Randomness of a step comes from (seed, step)."""
-        return roll_out(self, field, state, seed)
+        return roll_out(self, field, state, seed, self.follow)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and what is meant to follow it."""
         began = time.perf_counter()
         until = began + self.deadline
-        if arriving(field, state) and (left := rest(field, state, self.limits)) is not None:
+        if arriving(field, state) and (left := self._rest(field, state)) is not None:
             return Decision(left, _report(state, "planned", None, [], began))
         vehicle = state.vehicle
         window = self.window(field, vehicle)
@@ -106,7 +114,7 @@ class RecedingHorizon:
                     report = _report(state, name, kept, solved, began, until, final)
                     return Decision(kept.control, report, begun)
             if time.perf_counter() > until:
-                if (left := rest(field, state, self.limits)) is not None:
+                if (left := self._rest(field, state)) is not None:
                     report = _report(state, "planned", None, solved, began, until)
                     return Decision(left, report, begun)
                 break
@@ -135,27 +143,23 @@ class RecedingHorizon:
             fitted = [(name, shifted(state.vehicle, guess, segments)) for name, guess in proposed]
             yield self.polish, fitted
         for starts in self.starts(window, state, seed):
-            yield self.solver, starts
+            if starts:
+                yield self.solver, starts
 
     def starts(self, window: Window, state: State, seed: int) -> Iterator[list[tuple[str, Array]]]:
-        """The shifted plan (at first a straight line) and random feasible chains, by name.
+        """The first guess, the shifted plan, and random feasible chains, by name.
 
-        Where they lead to nothing, random chains again, drawn ten times as often, and once
-        more.
+        Where they lead to nothing, random chains again, drawn more often.
         """
         vehicle, segments = state.vehicle, window.chain.segments
-        if len(state.tail):
-            first = "shifted", shifted(vehicle, state.tail, segments)
-        else:
-            first = "straight", straight(vehicle, segments, self.limits)
+        first = self.first_guess(vehicle, state.tail, segments, self.limits)
         if self.random_starts == 0:
-            yield [first]
+            yield [*first]
             return
         stream = np.random.default_rng([seed, vehicle.segments])
-        yield [first, *self._drawn(window, vehicle, stream, self.draws)]
-        for often in (10, 100):
-            if starts := self._drawn(window, vehicle, stream, often * self.draws):
-                yield starts
+        yield [*first, *self._drawn(window, vehicle, stream, self.draws)]
+        for often in self.redraws:
+            yield self._drawn(window, vehicle, stream, often * self.draws)
 
     def _drawn(
         self, window: Window, vehicle: flight.State, stream: np.random.Generator, draws: int
@@ -199,7 +203,11 @@ class RecedingHorizon:
 
     def _flies(self, field: Field, vehicle: flight.State, end: Certified) -> bool:
         """Whether a chain is certified, and its first segment flies as an action."""
-        return end.feasible and flight.follow(field, vehicle, end.control[0], self.limits).flown
+        return end.feasible and self.follow(field, vehicle, end.control[0], self.limits).flown
+
+    def _rest(self, field: Field, state: State) -> Array | None:
+        """What is left of the last plan, if it may be flown."""
+        return rest(field, state, self.limits, self.follow)
 
 
 def _report(

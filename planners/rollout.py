@@ -7,8 +7,8 @@ import numpy as np
 from ferguson_gym.arrays import Array
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
+from ferguson_gym.flight import Follow, follow
 from ferguson_gym.flight import State as Vehicle
-from ferguson_gym.flight import follow
 from ferguson_gym.limits import Limits
 from ferguson_gym.outcome import Outcome
 from planners.interface import Plan, Replanner, State, Status
@@ -22,7 +22,7 @@ def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
     return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
 
 
-def rest(field: Field, state: State, limits: Limits) -> Array | None:
+def rest(field: Field, state: State, limits: Limits, follow: Follow = follow) -> Array | None:
     """What is left of a plan (n, 4, 2), if anything is and it is feasible from the state flown."""
     if len(state.tail) == 0:
         return None
@@ -47,11 +47,13 @@ def over(field: Field, state: State, limits: Limits) -> Plan | None:
     return None
 
 
-def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
+def roll_out(
+    planner: Replanner, field: Field, state: State, seed: int, follow: Follow = follow
+) -> Plan:
     """Decide, fly, decide again until the flight ends.
 
     Segments are flown as the environment flies them, rounded to float32 actions, so that
-    the plan and its flight are equal bit for bit.
+    the plan and its flight are equal bit for bit; unless `follow` flies them in another way.
     """
     if (ended := over(field, state, planner.limits)) is not None:
         return ended

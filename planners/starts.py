@@ -21,6 +21,9 @@ from ferguson_gym.limits import Limits
 
 RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
 """Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""
+FirstGuess: TypeAlias = Callable[[State, Array, int, Limits], Sequence[tuple[str, Array]]]
+"""Chains (segments, 4, D) by name that a window is searched from first: of a state, the plan
+(m, 4, D) that was not flown yet, the number of segments and the limits."""
 
 
 class Proposer(Protocol):
@@ -32,6 +35,18 @@ class Proposer(Protocol):
         They need not be feasible. One of fewer than so many segments ends on the goal, or is the
         beginning of an idea.
         """
+
+
+def as_planned(state: State, tail: Array, segments: int, limits: Limits) -> list[tuple[str, Array]]:
+    """The shifted plan, the paper's first guess; straight ahead where there is no plan yet."""
+    if len(tail):
+        return [("shifted", shifted(state, tail, segments))]
+    return [("straight", straight(state, segments, limits))]
+
+
+def nothing(state: State, tail: Array, segments: int, limits: Limits) -> list[tuple[str, Array]]:
+    """No first guess, so that all guesses are random."""
+    return []
 
 
 def straight(state: State, segments: int, limits: Limits) -> Array:

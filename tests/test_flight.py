@@ -7,7 +7,7 @@ from ferguson_gym.actions import encode
 from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, advance, advance_all, depart, follow
+from ferguson_gym.flight import State, advance, advance_all, depart, follow, follow_exactly
 from ferguson_gym.limits import Limits
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
@@ -81,6 +81,25 @@ def test_a_segment_that_ends_within_the_gate_ends_on_the_goal(x, reached):
     assert step.outcome.success == reached
     assert np.array_equal(step.state.position, OPEN.goal) == reached
     assert np.array_equal(step.control[1], OPEN.goal) == reached
+
+
+@pytest.mark.parametrize("x", [75.0, 89.1])
+def test_without_actions_segments_are_flown_as_they_are(x):
+    state, limits = heading_east(x - 20.0), Limits(longest=25.0)
+    segment = [[7.0, 7.0], [x, 100.0], [1.0, 2.0], [20.0, 0.0]]
+    step = follow_exactly(OPEN, state, segment, limits)
+    np.testing.assert_array_equal(step.control[1], segment[1])
+    np.testing.assert_array_equal(step.control[[0, 2]], [state.position, state.derivative])
+    np.testing.assert_array_equal(step.state.derivative, segment[3])
+    assert step.outcome is Outcome.FLYING
+    assert follow_exactly(OPEN, state, segment).outcome is Outcome.TOO_LONG
+
+
+def test_without_actions_a_segment_within_the_gate_ends_on_the_goal():
+    segment = [[80.0, 100.0], [99.5, 100.4], EAST, [20.0, 0.0]]
+    step = follow_exactly(OPEN, heading_east(80.0), segment, Limits(longest=25.0))
+    assert step.outcome is Outcome.GOAL_REACHED
+    np.testing.assert_array_equal(step.state.position, OPEN.goal)
 
 
 def test_the_gate_is_that_of_the_limits():

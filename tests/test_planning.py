@@ -18,7 +18,7 @@ from planners.exchange import AIM, ByExchange, broken_rows
 from planners.interface import Plan, State, Status, depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp
-from planners.starts import random_chains, shifted, straight
+from planners.starts import nothing, random_chains, shifted, straight
 from planners.window import WindowSettings, final_window, horizon_window
 from tests.quick_planners import quick
 
@@ -304,6 +304,46 @@ def test_without_random_starts_there_is_one() -> None:
     state, planner = depart(OPEN), RecedingHorizon(random_starts=0)
     batches = list(planner.starts(planner.window(OPEN, state.vehicle), state, 0))
     assert [[name for name, _ in batch] for batch in batches] == [["straight"]]
+
+
+def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
+    field = one("sparse/train:0")
+    planner = RecedingHorizon(first_guess=nothing, random_starts=1, draws=100, redraws=())
+    state = depart(field)
+    window = planner.window(field, state.vehicle)
+    batches = list(planner.starts(window, state, 0))
+    assert [[name for name, _ in batch] for batch in batches] == [["random 1"]]
+    plan = planner.plan(field, state, 0)
+    assert {decision.report.start for decision in plan.decisions} <= {"random 1", "planned"}
+    assert_may_be_flown(plan, field)
+
+
+def test_without_any_guess_no_way_on_is_found() -> None:
+    planner = RecedingHorizon(first_guess=nothing, random_starts=0)
+    decision = planner.decide(OPEN, depart(OPEN), 0)
+    assert decision.chain is None
+    assert decision.report.starts == 0
+
+
+@pytest.mark.parametrize("longest", [15.0, 30.0])
+def test_segments_flown_without_actions_keep_their_own_limits(longest: float) -> None:
+    field = one("sparse/train:0")
+    limits = replace(PAPER_LIMITS, longest=longest)
+    planner = RecedingHorizon(limits=limits, follow=flight.follow_exactly)
+    plan = planner.plan(field, depart(field), 0)
+    assert plan.success
+    control = plan.control
+    assert is_feasible(control, field, limits, AIM).all()
+    np.testing.assert_array_equal(control[0, 0], field.start)
+    np.testing.assert_array_equal(control[0, 2], field.departure)
+    np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
+    np.testing.assert_array_equal(control[-1, 1], field.goal)
+    assert (inspect(control, field).length.max() > 15.1) == (longest > 15.0)
+
+
+def test_segments_that_no_action_reaches_are_refused_where_actions_fly_them() -> None:
+    with pytest.raises(ValueError, match=r"too short for limits\.longest = 20\.0 m"):
+        RecedingHorizon(limits=replace(PAPER_LIMITS, longest=20.0))
 
 
 @pytest.mark.parametrize(
