@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 from paper_claims_picture import draw
-from paper_claims_variants import GROUPS, REFERENCE, Variant
+from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Variant
 
 from agents.metrics import Interval, path_share, success_interval
 from agents.pictures import check_target
@@ -143,7 +143,8 @@ def rows(flights: Sequence[dict[str, Flown]]) -> list[Row]:
     """
     found = []
     for group, members in GROUPS.items():
-        reference = REFERENCE if REFERENCE in members else next(iter(members))
+        known = [name for name in members if name in (REFERENCE, SINGLE)]
+        reference = known[0] if known else next(iter(members))
         for name in members:
             both = [(one[name], one[reference]) for one in flights if name in one]
             found.append(_row(group, name, both))
