@@ -101,5 +101,5 @@ GROUPS: dict[str, dict[str, Variant]] = {
         "random, SLSQP": Variant(_from_random(SLSQP), 0.1),
     },
 }
-"""Variants by what they change. `REFERENCE` or `SINGLE`, or the first of a group that holds neither,
-is what the others are held against."""
+"""Variants by what they change. `REFERENCE` or `SINGLE`, or the first of a group without either, is
+what the others are held against."""
