@@ -3,7 +3,7 @@
 Every bound returned is proved for the whole curve, rounding included: a distance found is
 reduced by an outward margin of 2e-10 of the scale (the largest distance between a Bézier
 point and the disc's centre) plus 1e-15 of the largest coordinate. For a flight in the
-paper's field that is below 1e-7 m.
+paper's field that is below 1e-7 m. Numbers below 1e-150, whose squares are none, count as zero.
 
 Reference:
     The paper, section III-C3, samples 29 points of a segment; a curve can cut
