@@ -31,6 +31,10 @@ def select(spec: str) -> Iterator[Field]:
 
     Raises:
         ValueError: an unknown suite, split, file or an empty range.
+
+    Example:
+        >>> [field.name for field in select("paper:1-4")]
+        ['paper:1', 'paper:2', 'paper:3', 'paper:4']
     """
     if not spec:
         raise ValueError(f"a field needs a name: {GRAMMAR}")
@@ -93,6 +97,11 @@ def one(spec: str) -> Field:
 
     Raises:
         ValueError: as `select`, or if it names more than one field.
+
+    Example:
+        >>> field = one("traps/validation:7")
+        >>> len(field.obstacles), field.goal.tolist()
+        (84, [100.0, 100.0])
     """
     fields = select(spec)
     field = next(fields)

@@ -62,6 +62,11 @@ def clearance(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> Array
     """Certified clearance of each segment from all discs: (*batch,) [m].
 
     As `closest`, for the nearest disc alone and therefore faster; infinite without discs.
+
+    Example:
+        >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
+        >>> round(float(clearance(bend, centers=[[5, 3]], radii=[1])), 6)
+        0.927364
     """
     control, centers, radii = _checked(control, centers, radii)
     clear = segments.clearance(_flat(control), centers, radii, np.inf, _axes(control))
@@ -78,6 +83,10 @@ def is_clear(
 
     Raises:
         ValueError: mismatched shapes, NaN or infinity.
+
+    Example:
+        >>> is_clear([[0, 0], [9, 3], [9, 0], [9, 6]], [[5, 3]], [1], least=0.9).item()
+        True
     """
     control, centers, radii = _checked(control, centers, radii)
     finite("least", least, ())

@@ -92,6 +92,11 @@ def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
 
     Reference:
         Ferguson (1964), Multivariable curve interpolation, J. ACM 11(2).
+
+    Example:
+        >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
+        >>> evaluate(bend, [0.0, 0.5, 1.0]).tolist()
+        [[0.0, 0.0], [4.5, 0.75], [9.0, 3.0]]
     """
     points: GenericArray = basis(t) @ _generic(control)
     return points
@@ -102,6 +107,10 @@ def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericAr
 
     Raises:
         ValueError: as `evaluate`, or no such derivative.
+
+    Example:
+        >>> derivative([[0, 0], [9, 3], [9, 0], [9, 6]], [0.0, 1.0]).tolist()
+        [[9.0, 0.0], [9.0, 6.0]]
     """
     slopes: GenericArray = basis(t, order) @ _generic(control)
     return slopes
@@ -164,6 +173,11 @@ def subdivide(control: ArrayLike, t: float = 0.5) -> tuple[Array, Array]:
 
     Raises:
         ValueError: t outside the open interval (0, 1), or as `evaluate`.
+
+    Example:
+        >>> left, right = subdivide([[0, 0], [9, 3], [9, 0], [9, 6]])
+        >>> left.tolist()
+        [[0.0, 0.0], [4.5, 0.75], [4.5, 0.0], [4.5, 1.5]]
     """
     if real("t", t).shape or not 0.0 < t < 1.0:
         raise ValueError(f"a segment is split at 0 < t < 1, got t = {t}")
@@ -220,6 +234,11 @@ def extent(control: ArrayLike) -> tuple[Array, Array]:
 
     Raises:
         ValueError: a control array of another shape or not finite.
+
+    Example:
+        >>> low, high = extent([[0, 0], [9, 0], [9, 9], [9, -9]])
+        >>> low.tolist(), high.tolist()
+        ([0.0, 0.0], [9.0, 2.25])
     """
     control = as_control(control)
     low, high = _extents(np.ascontiguousarray(control.reshape(-1, *control.shape[-2:])))

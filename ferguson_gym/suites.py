@@ -139,6 +139,10 @@ def altered(
 
     Raises:
         ValueError: a suite that is not scattered discs, or numbers that make no recipe.
+
+    Example:
+        >>> altered("standard", obstacles=11).designs
+        (5, 6)
     """
     recipe = SUITES[suite]
     if not isinstance(recipe, Scattered):

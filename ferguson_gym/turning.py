@@ -56,6 +56,10 @@ def fastest_turn(radius: float, roll: float = PAPER_ROLL) -> float:
 
     Reference:
         The paper, equation (1), solved for the speed.
+
+    Example:
+        >>> round(fastest_turn(20.0), 1)  # a radius of 20 m, 60 degrees of roll
+        18.4
     """
     if not radius >= 0.0:
         raise ValueError(f"a turn radius is at least 0 m, got {radius}")
