@@ -100,7 +100,7 @@ def test_a_plan_holds_from_any_state(name: str) -> None:
 
     @fuzzed(
         f"planners: {name}",
-        few=2 if name in QUICK else 1,
+        few=1,
         many=MANY[name],
         field=fields(most=10),
         data=st.data(),
