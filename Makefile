@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check install --quiet --constraint constraints.txt
 
-.PHONY: run test test-slow check docs format clean
+.PHONY: run test test-slow fuzz check docs format clean
 
 run: .venv/installed-base  ## five policies through the paper's fields and 100 others
 	$(BIN)/ferguson evaluate --policy shortest --policy guided --policy multi-start \
@@ -15,6 +15,9 @@ test: .venv/installed-dev  ## the tests, without those that need minutes
 
 test-slow: .venv/installed-dev  ## the tests that need minutes
 	$(BIN)/pytest -m slow --timeout 7200
+
+fuzz: .venv/installed-dev  ## a hundred thousand cases of bad input: an hour or two
+	$(BIN)/pytest tests/fuzz --hypothesis-profile large --capture=sys --timeout 14400
 
 check: .venv/installed-dev docs  ## style, types, the import contract, and whether the pages build
 	$(BIN)/ruff check .

@@ -31,6 +31,11 @@ def success_interval(successes: int, number: int) -> Interval:
     Reference:
         Wilson (1927), Probable inference, the law of succession, and statistical inference,
         Journal of the American Statistical Association 22.
+
+    Example:
+        >>> low, high = success_interval(99, 100)
+        >>> round(low, 3), round(high, 3)
+        (0.946, 0.998)
     """
     if not 0 <= successes <= number or number == 0:
         raise ValueError(f"need at least one attempt, got {successes} successes of {number}")
@@ -43,6 +48,10 @@ def path_share(success: bool, length: float, exact: float | None) -> float:
 
     Reference:
         Anderson et al. (2018), On evaluation of embodied navigation agents, arXiv:1807.06757.
+
+    Example:
+        >>> path_share(True, length=150.0, exact=144.0), path_share(False, 20.0, 144.0)
+        (0.96, 0.0)
     """
     return exact / max(length, exact) if success and exact is not None else 0.0
 

@@ -123,7 +123,7 @@ def _at_most(
 
 
 def _offsets(path: Path, number: int) -> NDArray[np.int64]:
-    with _opened(path), np.load(path) as data:
+    with _opened(path), np.load(path, allow_pickle=False) as data:
         offsets: NDArray[np.int64] = data["offsets"]
     if len(offsets) != number + 1:
         raise ValueError(

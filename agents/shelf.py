@@ -29,15 +29,29 @@ def shipped() -> dict[str, Path]:
 
 
 def meant(name: str) -> str:
-    """The name itself or, where it begins with `best`, that of the agent that is meant."""
+    """The name itself or, where it begins with `best`, that of the agent that is meant.
+
+    Raises:
+        ValueError: the file that says so is damaged.
+    """
     chosen = SHIPPED / f"{BEST}.json"
     plain, plus, options = name.partition("+")
     if plain != BEST or not chosen.exists():
         return name
-    known: str = json.loads(chosen.read_text(encoding="utf-8"))[BEST]
+    known = _best(chosen)
     if "+tries=" in known and options.startswith("tries="):  # asked for otherwise
         known = known.partition("+")[0]
     return known + plus + options
+
+
+def _best(file: Path) -> str:
+    try:
+        known = json.loads(file.read_text(encoding="utf-8"))[BEST]
+    except (OSError, ValueError, LookupError, TypeError, RecursionError):
+        known = None
+    if not isinstance(known, str):
+        raise ValueError(f"{file} is damaged: it does not say which agent is best; install again")
+    return known
 
 
 def find(name: str) -> Path | None:

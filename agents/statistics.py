@@ -244,6 +244,10 @@ def mcnemar(first: int, second: int) -> float:
     Reference:
         McNemar (1947), Note on the sampling error of the difference between correlated
         proportions or percentages, Psychometrika 12.
+
+    Example:
+        >>> round(mcnemar(1, 9), 4)
+        0.0215
     """
     return float(binomtest(first, first + second).pvalue) if first + second else 1.0
 

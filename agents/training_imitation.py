@@ -184,7 +184,7 @@ class _School:
             self._cloner.restore(state["cloner"])
             self._rounds = state["rounds"]
             for number in range(self._rounds):
-                rows = np.load(self._place / _ROWS.format(number))
+                rows = np.load(self._place / _ROWS.format(number), allow_pickle=False)
                 self._lessons.add(rows, self._field)
         except Exception as error:  # of whatever the libraries make of a damaged file
             reason = " ".join(str(error).split())[:120]

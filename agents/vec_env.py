@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from ferguson_gym.interface import INFOS, as_actions, chosen_field
+from ferguson_gym.interface import INFOS, as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
 
 _EACH = ("field", "state", "control", "refused")
@@ -58,7 +58,7 @@ class ObstacleFieldVecEnv(VecEnv):
         Raises:
             TypeError, ValueError: as the vector environment.
         """
-        fields = [chosen_field(options) for options in self._options]
+        fields = [known_options(options, "field").get("field") for options in self._options]
         observation, infos = self.envs.reset(seed=self._seeds, options={"field": fields})
         self._reset_seeds()
         self._reset_options()

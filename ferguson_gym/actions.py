@@ -147,6 +147,11 @@ def decode(
 
     Raises:
         ValueError: another shape, not finite, or outside [-1, 1].
+
+    Example:
+        >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
+        >>> decode([0, 0, 0, 0], here, ahead, goal, gate=1.0).round(6).tolist()
+        [[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]]
     """
     given = check_action(action)
     control = np.empty((4, 2))
@@ -171,6 +176,12 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
 
     Raises:
         ValueError: no action reaches the segment's end or end derivative.
+
+    Example:
+        >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
+        >>> action = encode([[0, 0], [9, 3], [9, 0], [9, 6]], here, ahead)
+        >>> decode(action, here, ahead, goal, gate=1.0).round(5).tolist()
+        [[0.0, 0.0], [9.0, 3.0], [9.0, 0.0], [9.0, 6.0]]
     """
     control = finite("segment", segment, (4, 2))
     turn = heading(derivative[0], derivative[1]).conjugate()

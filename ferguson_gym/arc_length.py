@@ -140,6 +140,10 @@ def length(control: ArrayLike) -> Array:
 
     Reference:
         The paper, equation (3); its estimate by 50 chords is always short.
+
+    Example:
+        >>> round(float(length([[0, 0], [9, 3], [9, 0], [9, 6]])), 6)
+        9.628056
     """
     control = as_control(control)
     flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))

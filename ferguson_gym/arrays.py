@@ -14,12 +14,18 @@ GenericArray: TypeAlias = NDArray[Any]
 """Real or complex numbers: functions typed so can be differentiated by complex step."""
 
 
-def real(name: str, value: ArrayLike) -> Array:
+LARGEST = 1e120
+"""Numbers that are taken from outside are no larger: their squares, and the squares of those, are
+numbers too, on which every proof here rests."""
+
+
+def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Array:
     """Return `value` as a C-contiguous float64 array; strings and complex numbers are refused.
 
     Args:
         name: what the array is called in the error.
         value: anything NumPy can read.
+        kind: what it should be, for the error.
 
     Raises:
         ValueError: not an array of real numbers.
@@ -27,15 +33,16 @@ def real(name: str, value: ArrayLike) -> Array:
     try:
         array = np.asarray(value)
     except ValueError as error:  # ragged lists
-        raise ValueError(f"{name} must be an array of numbers: {error}") from None
+        raise ValueError(f"{name} must be {kind}: {error}") from None
     if array.dtype.kind not in "biuf":  # whole numbers beyond 64 bits are objects
-        raise ValueError(f"{name} must be an array of numbers, got {_shortened(value)}")
+        raise ValueError(f"{name} must be {kind}, got {shortened(value)}")
     # ascontiguousarray alone would make a number a vector
     return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
 
 
-def _shortened(value: object) -> str:
-    text = repr(value)
+def shortened(value: object) -> str:
+    """A value as an error shows it: on one line that is not long."""
+    text = " ".join(repr(value).split())
     return text if len(text) <= 60 else text[:57] + "..."
 
 
@@ -48,18 +55,31 @@ def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
         shape: expected shape; None stands for any size along that axis.
 
     Raises:
-        ValueError: not real numbers, another shape, or an entry that is NaN or infinite.
+        ValueError: not real numbers, another shape, or an entry that is NaN, infinite or beyond
+            `LARGEST`.
     """
-    array = real(name, value)
+    array = real(name, value, "an array of numbers" if shape else "a number")
     if len(array.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)
     ):
         sizes = ["n" if size is None else str(size) for size in shape]
         wanted = f"({sizes[0]},)" if len(sizes) == 1 else f"({', '.join(sizes)})"
         raise ValueError(f"{name} must have shape {wanted}, got {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite, got {array[~np.isfinite(array)][0]} in it")
+    check_size(name, array)
     return array
+
+
+def check_size(name: str, array: GenericArray) -> None:
+    """Refuse numbers that are no numbers, or too large.
+
+    Raises:
+        ValueError: an entry that is NaN, infinite or beyond `LARGEST`.
+    """
+    size = np.abs(array)
+    if not (size <= LARGEST).all():
+        wrong = array[~(size <= LARGEST)][0]
+        limit = f"at most {LARGEST:g} in size" if np.isfinite(wrong) else "finite"
+        raise ValueError(f"{name} must be {limit}, got {wrong} in it")
 
 
 def frozen(array: Array) -> Array:

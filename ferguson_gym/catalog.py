@@ -8,6 +8,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
+from ferguson_gym.arrays import shortened
 from ferguson_gym.fields import Field, from_json
 from ferguson_gym.paper import paper_field
 from ferguson_gym.suites import SPLITS, SUITES, suite_field
@@ -30,12 +31,16 @@ def select(spec: str) -> Iterator[Field]:
 
     Raises:
         ValueError: an unknown suite, split, file or an empty range.
+
+    Example:
+        >>> [field.name for field in select("paper:1-4")]
+        ['paper:1', 'paper:2', 'paper:3', 'paper:4']
     """
     if not spec:
         raise ValueError(f"a field needs a name: {GRAMMAR}")
     path = Path(spec)
     try:
-        files = sorted(path.glob("*.json")) if path.is_dir() else [path] if path.is_file() else None
+        files = _in(path) if path.is_dir() else [path] if path.is_file() else None
     except OSError:  # a name too long for a file
         files = None
     if files == []:
@@ -46,22 +51,27 @@ def select(spec: str) -> Iterator[Field]:
     if match is None:
         if path.suffix == ".json":
             raise ValueError(f"no such field file: {spec}")
-        raise ValueError(f"unknown field {spec!r}: {GRAMMAR}")
+        raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
     first = int(match["first"])
     last = int(match["last"] or first)
     if first > last:
-        raise ValueError(f"empty range in {spec!r}: {first} is above {last}")
+        raise ValueError(f"empty range in {shortened(spec)}: {first} is above {last}")
     if match["family"] == "paper":
         draw = paper_field
     else:
         suite, slash, split = match["family"].partition("/")
         if not slash:
-            raise ValueError(f"unknown field {spec!r}: {GRAMMAR}")
+            raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
         draw = partial(suite_field, suite, split)
     lowest = draw(first)
     if last > first:
         draw(last)  # the ends show whether the whole range is known
     return chain([lowest], map(draw, range(first + 1, last + 1)))
+
+
+def _in(directory: Path) -> list[Path]:
+    """Its JSON files; hidden ones are others' business, half-written ones among them."""
+    return sorted(path for path in directory.glob("*.json") if not path.name.startswith("."))
 
 
 def family(spec: str) -> tuple[str, range]:
@@ -76,7 +86,7 @@ def family(spec: str) -> tuple[str, range]:
     match = _NAMED.fullmatch(spec)
     if match is None or Path(spec).exists():
         raise ValueError(
-            f"{spec!r} is a file, which may change; need fields of a suite or of the paper"
+            f"{shortened(spec)} is a file, which may change; need fields of a suite or of the paper"
         )
     first = int(match["first"])
     return match["family"], range(first, int(match["last"] or first) + 1)
@@ -87,9 +97,14 @@ def one(spec: str) -> Field:
 
     Raises:
         ValueError: as `select`, or if it names more than one field.
+
+    Example:
+        >>> field = one("traps/validation:7")
+        >>> len(field.obstacles), field.goal.tolist()
+        (84, [100.0, 100.0])
     """
     fields = select(spec)
     field = next(fields)
     if next(fields, None) is not None:
-        raise ValueError(f"{spec!r} names more than one field")
+        raise ValueError(f"{shortened(spec)} names more than one field")
     return field

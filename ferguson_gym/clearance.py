@@ -3,7 +3,7 @@
 Every bound returned is proved for the whole curve, rounding included: a distance found is
 reduced by an outward margin of 2e-10 of the scale (the largest distance between a Bézier
 point and the disc's centre) plus 1e-15 of the largest coordinate. For a flight in the
-paper's field that is below 1e-7 m.
+paper's field that is below 1e-7 m. Numbers below 1e-150, whose squares are none, count as zero.
 
 Reference:
     The paper, section III-C3, samples 29 points of a segment; a curve can cut
@@ -62,6 +62,11 @@ def clearance(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> Array
     """Certified clearance of each segment from all discs: (*batch,) [m].
 
     As `closest`, for the nearest disc alone and therefore faster; infinite without discs.
+
+    Example:
+        >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
+        >>> round(float(clearance(bend, centers=[[5, 3]], radii=[1])), 6)
+        0.927364
     """
     control, centers, radii = _checked(control, centers, radii)
     clear = segments.clearance(_flat(control), centers, radii, np.inf, _axes(control))
@@ -78,6 +83,10 @@ def is_clear(
 
     Raises:
         ValueError: mismatched shapes, NaN or infinity.
+
+    Example:
+        >>> is_clear([[0, 0], [9, 3], [9, 0], [9, 6]], [[5, 3]], [1], least=0.9).item()
+        True
     """
     control, centers, radii = _checked(control, centers, radii)
     finite("least", least, ())

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import Array, shortened
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
 from ferguson_gym.flight import State
@@ -20,7 +20,7 @@ from ferguson_gym.interface import (
     as_actions,
     as_field,
     as_seed,
-    chosen_field,
+    known_options,
     observation_space,
     settings_of,
 )
@@ -163,7 +163,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.settings = settings_of(arguments)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(
-                f"unknown render mode {render_mode!r}; modes are {', '.join(RENDER_MODES)}"
+                f"unknown render mode {shortened(render_mode)}; modes are {', '.join(RENDER_MODES)}"
             )
         self.render_mode = render_mode
         self.action_space = action_space()
@@ -215,7 +215,7 @@ class ObstacleField(gym.Env[Observation, Action]):
             ValueError: unknown options, a field that is none or not planar, or a seed that is
                 no whole number from 0 to 2**63 - 1.
         """
-        given, seed = chosen_field(options or {}), as_seed(seed)
+        given, seed = known_options(options, "field").get("field"), as_seed(seed)
         field = seed if given is None else as_field(given)
         if isinstance(field, Field):
             self._fleet.make_room(field)

@@ -129,6 +129,12 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
 
     Raises:
         ValueError: a control array of the wrong shape or not finite.
+
+    Example:
+        >>> from ferguson_gym.catalog import one
+        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], one("paper:2"))
+        >>> found.outcome().sentence
+        'still on its way'
     """
     control = as_control(control)
     if control.shape[-1] != len(field.start):
@@ -159,6 +165,12 @@ def is_feasible(
         field: where they are flown.
         limits: what a segment may be.
         tolerance: instead of the limits' own [m]; planners aim for less.
+
+    Example:
+        >>> from ferguson_gym.catalog import one
+        >>> bend, long = [[0, 0], [9, 3], [9, 0], [9, 6]], [[0, 0], [20, 0], [20, 0], [20, 0]]
+        >>> is_feasible([bend, long], one("paper:2")).tolist()
+        [True, False]
     """
     allowed = limits.tolerance if tolerance is None else tolerance
     return np.asarray((inspect(control, field).slack(limits) >= -allowed).all(axis=-1))

@@ -77,6 +77,13 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
 
     Raises:
         ValueError: an action of another shape, not finite or outside [-1, 1].
+
+    Example:
+        >>> from ferguson_gym.catalog import one
+        >>> field = one("sparse/train:0")
+        >>> step = advance(field, depart(field), np.zeros(4))  # 9 m straight ahead
+        >>> step.outcome.sentence, step.state.position.round(3).tolist()
+        ('still on its way', [6.364, 6.364])
     """
     control = decode(action, state.position, state.derivative, field.goal, limits.gate)
     return _step(field, state, control, inspect(control, field), limits)

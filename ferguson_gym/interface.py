@@ -11,7 +11,7 @@ from gymnasium import spaces
 from numpy.typing import ArrayLike
 
 from ferguson_gym.actions import Action
-from ferguson_gym.arrays import real
+from ferguson_gym.arrays import real, shortened
 from ferguson_gym.catalog import one
 from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
@@ -74,20 +74,24 @@ def as_seed(seed: object) -> int | None:
     if seed is None:
         return None
     if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
-        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {seed!r}")
+        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {shortened(seed)}")
     return int(seed)
 
 
-def chosen_field(options: Mapping[str, Any], *others: str) -> Any:
-    """What `reset(options={"field": ...})` asks for; None if nothing.
+def known_options(options: object, *names: str) -> Mapping[str, Any]:
+    """Options of a reset; none for None.
 
     Raises:
-        ValueError: options that are neither this nor `others`.
+        ValueError: no dictionary, or others than `names`.
     """
-    if unknown := set(options) - {"field", *others}:
-        known = " and ".join(repr(name) for name in ("field", *others))
-        raise ValueError(f"unknown reset options {sorted(unknown)}; known: {known}")
-    return options.get("field")
+    known = " and ".join(repr(name) for name in names)
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options are a dictionary with {known}, got {shortened(options)}")
+    if unknown := set(options) - set(names):
+        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")
+    return options
 
 
 def as_field(given: object) -> Field:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields
 from typing import NamedTuple
+
+from ferguson_gym.arrays import finite
 
 
 class Numbers(NamedTuple):
@@ -45,8 +46,9 @@ class Limits:
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            if not math.isfinite(value := getattr(self, field.name)):
-                raise ValueError(f"limit {field.name} must be finite, got {value}")
+            finite(f"limit {field.name}", getattr(self, field.name), ())
+        if int(self.segments) != self.segments:
+            raise ValueError(f"limit segments must be a whole number, got {self.segments}")
         if not 0 < self.shortest < self.longest:
             raise ValueError(
                 f"need 0 < shortest < longest, got {self.shortest} m and {self.longest} m"

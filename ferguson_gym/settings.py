@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 
-from ferguson_gym.arrays import finite
+from ferguson_gym.arrays import finite, shortened
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.observations import KINDS, Layout, rays_around
@@ -58,7 +58,7 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("suite", "split", "observation"):
             if not isinstance(given := getattr(self, name), str):
-                raise ValueError(f"{name} must be a name, got {given!r}")
+                raise ValueError(f"{name} must be a name, got {shortened(given)}")
         check_suite(self.suite, self.split)
         self._check_numbers()
         if not 1 <= self.fields <= MOST_FIELDS:
@@ -100,9 +100,9 @@ class Settings:
                 continue
             if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
                 a_number = "a whole number" if name in whole else "a number"
-                raise ValueError(f"{name} must be {a_number}, got {given!r}")
+                raise ValueError(f"{name} must be {a_number}, got {shortened(given)}")
         if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
-            raise ValueError(f"radii are (least, greatest), got {self.radii!r}")
+            raise ValueError(f"radii are (least, greatest), got {shortened(self.radii)}")
         if self.radii is not None:  # not the caller's own list, which may change
             object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.arrays import Array, GenericArray, real
+from ferguson_gym.arrays import Array, GenericArray, check_size, finite, real, shortened
 from ferguson_gym.compilation import compiled
 from ferguson_gym.sharpest import greatest_curvatures
 
@@ -31,17 +31,27 @@ def as_control(control: ArrayLike) -> Array:
     """Return a control array (..., 4, D) in double precision.
 
     Raises:
-        ValueError: another shape, or entries that are not finite numbers.
+        ValueError: another shape, or entries that are not finite numbers of at most 1e120.
     """
-    array = real("a control array", control)
+    return _checked(real("a control array", control))
+
+
+def _checked(array: GenericArray) -> GenericArray:
+    """The array itself if it is finite and of shape (..., 4, D)."""
     if array.ndim < 2 or array.shape[-2] != 4 or array.shape[-1] < 1:
         raise ValueError(
-            "a control array has shape (..., 4, D): start, end, start derivative, "
-            f"end derivative; got {array.shape}"
+            "a control array has shape (..., 4, D): start, end, start derivative, end derivative; "
+            f"got {array.shape}"
         )
-    if not np.isfinite(array).all():
-        raise ValueError("a control array must be finite, got NaN or infinity in it")
+    check_size("a control array", array)
     return array
+
+
+def _generic(control: GenericArray) -> GenericArray:
+    """As `as_control`, but complex numbers stay what they are."""
+    if isinstance(control, np.ndarray) and control.dtype.kind == "c":
+        return _checked(control)
+    return as_control(control)
 
 
 def basis(t: ArrayLike, order: int = 0) -> Array:
@@ -50,8 +60,16 @@ def basis(t: ArrayLike, order: int = 0) -> Array:
     Args:
         t: (n,) parameter in [0, 1].
         order: 0 for the point, 1 for the derivative, and so on.
+
+    Raises:
+        ValueError: parameters of another shape or outside [0, 1], or no such derivative.
     """
-    t = np.asarray(t, dtype=np.float64)
+    t = finite("t", t, (None,))
+    if t.size and not (t.min() >= 0.0 and t.max() <= 1.0):
+        raise ValueError(f"parameters lie in [0, 1], got {t[(t < 0.0) | (t > 1.0)][0]}")
+    if not isinstance(order, (int, np.integer)) or order < 0:
+        given = shortened(order)
+        raise ValueError(f"a derivative's order is a whole number from 0 on, got {given}")
     powers = np.zeros((len(t), 4))
     for power in range(order, 4):
         factor = float(np.prod(np.arange(power, power - order, -1)))
@@ -69,23 +87,43 @@ def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
     Returns:
         (*batch, n, D) points [m].
 
+    Raises:
+        ValueError: a control array of another shape or not finite; parameters outside [0, 1].
+
     Reference:
         Ferguson (1964), Multivariable curve interpolation, J. ACM 11(2).
+
+    Example:
+        >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
+        >>> evaluate(bend, [0.0, 0.5, 1.0]).tolist()
+        [[0.0, 0.0], [4.5, 0.75], [9.0, 3.0]]
     """
-    points: GenericArray = basis(t) @ np.asarray(control)
+    points: GenericArray = basis(t) @ _generic(control)
     return points
 
 
 def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericArray:
-    """The `order`-th derivative with respect to t: (*batch, n, D) [m per unit t^order]."""
-    slopes: GenericArray = basis(t, order) @ np.asarray(control)
+    """The `order`-th derivative with respect to t: (*batch, n, D) [m per unit t^order].
+
+    Raises:
+        ValueError: as `evaluate`, or no such derivative.
+
+    Example:
+        >>> derivative([[0, 0], [9, 3], [9, 0], [9, 6]], [0.0, 1.0]).tolist()
+        [[9.0, 0.0], [9.0, 6.0]]
+    """
+    slopes: GenericArray = basis(t, order) @ _generic(control)
     return slopes
 
 
 def curvature(control: ArrayLike, t: ArrayLike) -> Array:
-    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes."""
-    first = derivative(np.asarray(control), t, 1)
-    second = derivative(np.asarray(control), t, 2)
+    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes.
+
+    Raises:
+        ValueError: as `evaluate`.
+    """
+    control = as_control(control)
+    first, second = derivative(control, t, 1), derivative(control, t, 2)
     speed2 = np.sum(first * first, axis=-1)
     dot = np.sum(first * second, axis=-1)
     # Lagrange's identity, the cross product in any number of dimensions; the projection
@@ -108,14 +146,22 @@ def max_curvature(control: ArrayLike) -> Array:
 
 
 def to_bezier(control: GenericArray) -> GenericArray:
-    """Bézier points (*batch, 4, D) [m] of the same cubic."""
-    points: GenericArray = _TO_BEZIER @ np.asarray(control)
+    """Bézier points (*batch, 4, D) [m] of the same cubic.
+
+    Raises:
+        ValueError: a control array of another shape or not finite.
+    """
+    points: GenericArray = _TO_BEZIER @ _generic(control)
     return points
 
 
 def from_bezier(points: GenericArray) -> GenericArray:
-    """Control array (*batch, 4, D) of the cubic with these Bézier points."""
-    control: GenericArray = _FROM_BEZIER @ np.asarray(points)
+    """Control array (*batch, 4, D) of the cubic with these Bézier points.
+
+    Raises:
+        ValueError: points of another shape or not finite.
+    """
+    control: GenericArray = _FROM_BEZIER @ _generic(points)
     return control
 
 
@@ -126,9 +172,14 @@ def subdivide(control: ArrayLike, t: float = 0.5) -> tuple[Array, Array]:
         Two control arrays (*batch, 4, D); derivatives are scaled to the new parameter.
 
     Raises:
-        ValueError: t outside the open interval (0, 1).
+        ValueError: t outside the open interval (0, 1), or as `evaluate`.
+
+    Example:
+        >>> left, right = subdivide([[0, 0], [9, 3], [9, 0], [9, 6]])
+        >>> left.tolist()
+        [[0.0, 0.0], [4.5, 0.75], [4.5, 0.0], [4.5, 1.5]]
     """
-    if not 0.0 < t < 1.0:
+    if real("t", t).shape or not 0.0 < t < 1.0:
         raise ValueError(f"a segment is split at 0 < t < 1, got t = {t}")
     control = as_control(control)
     point = basis([t]) @ control
@@ -179,8 +230,17 @@ def _extents(control: Array) -> tuple[Array, Array]:
 
 
 def extent(control: ArrayLike) -> tuple[Array, Array]:
-    """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m]."""
-    control = np.asarray(control, dtype=np.float64)
+    """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m].
+
+    Raises:
+        ValueError: a control array of another shape or not finite.
+
+    Example:
+        >>> low, high = extent([[0, 0], [9, 0], [9, 9], [9, -9]])
+        >>> low.tolist(), high.tolist()
+        ([0.0, 0.0], [9.0, 2.25])
+    """
+    control = as_control(control)
     low, high = _extents(np.ascontiguousarray(control.reshape(-1, *control.shape[-2:])))
     shape = (*control.shape[:-2], control.shape[-1])
     return low.reshape(shape), high.reshape(shape)

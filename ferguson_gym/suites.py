@@ -11,7 +11,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import Array, shortened
 from ferguson_gym.fields import GOAL, START, Field
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.paper import draw_discs, latin_hypercube
@@ -126,10 +126,10 @@ def check_suite(suite: str, split: str) -> None:
     """
     if suite not in SUITES:
         near = meant(suite, SUITES)
-        raise ValueError(f"unknown suite {suite!r}{near}; suites are {', '.join(SUITES)}")
+        raise ValueError(f"unknown suite {shortened(suite)}{near}; suites are {', '.join(SUITES)}")
     if split not in SPLITS:
         near = meant(split, SPLITS)
-        raise ValueError(f"unknown split {split!r}{near}; splits are {', '.join(SPLITS)}")
+        raise ValueError(f"unknown split {shortened(split)}{near}; splits are {', '.join(SPLITS)}")
 
 
 def altered(
@@ -139,10 +139,14 @@ def altered(
 
     Raises:
         ValueError: a suite that is not scattered discs, or numbers that make no recipe.
+
+    Example:
+        >>> altered("standard", obstacles=11).designs
+        (5, 6)
     """
     recipe = SUITES[suite]
     if not isinstance(recipe, Scattered):
-        raise ValueError(f"the obstacles of suite {suite!r} are fixed: they form pockets")
+        raise ValueError(f"the obstacles of suite {shortened(suite)} are fixed: they form pockets")
     if obstacles is not None:
         if obstacles < 0:
             raise ValueError(f"a field has 0 obstacles or more, got {obstacles}")

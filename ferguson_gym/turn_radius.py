@@ -191,5 +191,10 @@ def keeps_turn_radius(
 
     Raises:
         ValueError: segments that are not planar or not finite, or no radius to keep.
+
+    Example:
+        >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
+        >>> keeps_turn_radius(bend, 10.0).item(), keeps_turn_radius(bend, 20.0).item()
+        (True, False)
     """
     return np.asarray(np.isnan(too_sharp_at(control, radius, tolerance)))

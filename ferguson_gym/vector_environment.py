@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import Array, shortened
 from ferguson_gym.batch import Flags, Records
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
@@ -25,7 +25,7 @@ from ferguson_gym.interface import (
     as_actions,
     as_field,
     as_seed,
-    chosen_field,
+    known_options,
     observation_space,
     settings_of,
 )
@@ -37,6 +37,9 @@ _MODES = {
     AutoresetMode.NEXT_STEP: batch.NEXT_STEP,
     AutoresetMode.SAME_STEP: batch.SAME_STEP,
 }
+
+MOST = 10_000_000
+"""Environments made at once; these would take some 50 GB."""
 
 
 class VectorObstacleField(VectorEnv[Observation, Action, Array]):
@@ -85,17 +88,22 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     ) -> None:
         self.settings = settings_of(arguments)
         if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number >= 1, got {num_envs!r}")
+            raise ValueError(f"num_envs must be a whole number >= 1, got {shortened(num_envs)}")
+        if num_envs > MOST:
+            raise ValueError(
+                f"at most {MOST} environments are made at once, got {shortened(num_envs)}"
+            )
         if render_mode not in (None, "rgb_array"):
             raise ValueError(
-                f"unknown render mode {render_mode!r}; many environments know rgb_array only"
+                f"unknown render mode {shortened(render_mode)}; "
+                "many environments know rgb_array only"
             )
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
         except ValueError:
             modes = ", ".join(mode.value for mode in AutoresetMode)
             raise ValueError(
-                f"unknown autoreset mode {autoreset_mode!r}; modes are {modes}"
+                f"unknown autoreset mode {shortened(autoreset_mode)}; modes are {modes}"
             ) from None
         self.num_envs, self.render_mode = num_envs, render_mode
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
@@ -164,9 +172,9 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 or chooses nothing, a field that is none, not planar or has too many obstacles,
                 a seed that is no whole number from 0 to 2**63 - 1.
         """
-        options = options or {}
-        chosen = self._mask(options.get("reset_mask"))
-        fields = self._fields(chosen_field(options, "reset_mask"))
+        asked_for = known_options(options, "field", "reset_mask")
+        chosen = self._mask(asked_for.get("reset_mask"))
+        fields = self._fields(asked_for.get("field"))
         seeds = self._seeds_of(seed)
         if not chosen.all() and (self._fleet.outcome[~chosen] == NOT_STARTED).any():
             raise ValueError("the first reset starts every environment: leave reset_mask out")

@@ -130,6 +130,14 @@ def make(name: str) -> Planner:
     Raises:
         ValueError: there is none, its library is not installed, or an option is unknown, does
             not fit the planner or has a value that it refuses.
+
+    Example:
+        >>> from ferguson_gym.catalog import one
+        >>> from planners.interface import depart
+        >>> field = one("sparse/train:0")
+        >>> plan = make("shortest").plan(field, depart(field), seed=0)
+        >>> plan.status.sentence
+        'found a feasible path to the goal'
     """
     plain, *options = name.split("+")
     if plain not in PLANNERS:

@@ -76,11 +76,17 @@ class WindowSolver(Protocol):
 
 
 def certify(window: Window, control: Array) -> NDArray[np.bool_]:
-    """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,)."""
-    certified = is_feasible(control, window.field, window.limits, AIM)
+    """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,).
+
+    One in which a search lost its way among numbers out of range, to NaN, is not.
+    """
+    feasible = np.isfinite(control).all(axis=(1, 2, 3))
+    sound = control[feasible]
+    certified = is_feasible(sound, window.field, window.limits, AIM)
     if window.turn_radius > 0.0:
-        certified &= keeps_turn_radius(control, window.turn_radius, AIM)
-    return np.asarray(certified.all(axis=-1))
+        certified &= keeps_turn_radius(sound, window.turn_radius, AIM)
+    feasible[feasible] = certified.all(axis=-1)
+    return feasible
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,7 +115,7 @@ class ByExchange:
             evaluations, rounds = evaluations + solution.evaluations, rounds + 1
             x, control = solution.x, window.chain.control(solution.x)
             feasible = bool(certify(window, control[None])[0])
-            if feasible or rounds == ROUNDS or problem.c(x).min() < -HOPELESS:
+            if feasible or rounds == ROUNDS or not problem.c(x).min() >= -HOPELESS:
                 break
             if time.perf_counter() > until:
                 break

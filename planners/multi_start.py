@@ -92,7 +92,9 @@ def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) ->
     seconds = (time.perf_counter() - began) / len(trails)
     ends = []
     for trail, chain, clear in zip(trails, chains, feasible, strict=True):
-        while not clear and trail.rounds < ROUNDS and workers[0].join(trail, chain):
+        while not clear and trail.rounds < ROUNDS:
+            if not (np.isfinite(chain).all() and workers[0].join(trail, chain)):
+                break
             workers[0].go_on(trail, bound)
             chain = window.chain.control(trail.x)
             clear = certify(window, chain[None])[0]

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
 
+MOST = 100_000
+"""Points on a piece of a path: one every 0.25 m of 25 km."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShortestPath:
@@ -46,9 +49,9 @@ class ShortestPath:
         """Points on the path from its start to its end, (n, 2) [m].
 
         Args:
-            spacing: between neighbours along the path, at most [m]. Ends of pieces are among
-                the points. Chords between points of an arc cut into its disc, by
-                spacing^2 / (8 radius) at most.
+            spacing: between neighbours along the path, at most [m], unless a piece is longer
+                than `MOST` of them. Ends of pieces are among the points. Chords between points
+                of an arc cut into its disc, by spacing^2 / (8 radius) at most.
 
         Raises:
             ValueError: a spacing that is not positive.
@@ -70,5 +73,5 @@ class ShortestPath:
 
 def _shares(length: float, spacing: float) -> Array:
     """How far along a piece its points lie, without its start; none for one without length."""
-    number = math.ceil(length / spacing)
+    number = min(math.ceil(length / spacing), MOST)
     return np.arange(1, number + 1) / max(number, 1)

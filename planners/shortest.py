@@ -34,6 +34,11 @@ def exact_length(field: Field) -> float | None:
     """Length of the shortest path [m]; None if there is none, or obstacles are no plane discs.
 
     It is found once for all fields of the same content, of which the last 4096 are remembered.
+
+    Example:
+        >>> from ferguson_gym.catalog import one
+        >>> round(exact_length(one("paper:2")), 3)
+        144.338
     """
     discs = field.obstacles
     if not isinstance(discs, Discs) or discs.dimension != 2:

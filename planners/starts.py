@@ -55,7 +55,11 @@ def straight(state: State, segments: int, limits: Limits) -> Array:
     Our choice where there is no earlier plan to shift.
     """
     step = 0.5 * (limits.shortest + limits.longest)
-    ahead = step * state.derivative / np.linalg.norm(state.derivative)
+    speed = np.linalg.norm(state.derivative)
+    if speed > 0.0:
+        ahead = step * state.derivative / speed
+    else:  # as actions have it: along the first axis
+        ahead = step * np.eye(len(state.derivative))[0]
     points = state.position + np.arange(segments + 1)[:, None] * ahead
     return through(state, points)
 

@@ -6,8 +6,12 @@ import threading
 from collections.abc import Callable, Iterator
 
 import pytest
+from hypothesis import settings
 
+from tests.fuzz.cases import LARGE
 from tests.waiting import until
+
+settings.register_profile("large", max_examples=LARGE)  # `make fuzz`
 
 
 @pytest.fixture

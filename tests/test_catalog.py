@@ -123,3 +123,18 @@ def test_more_than_one_field_is_not_one(spec):
 def test_names_that_no_file_can_have_are_unknown_fields(spec):
     with pytest.raises(ValueError, match="fields are named"):
         select(spec)
+
+
+def test_hidden_files_of_a_directory_are_left_alone(tmp_path):
+    write(tmp_path / "seen.json")
+    write(tmp_path / ".seen.json.swp.json")
+    (tmp_path / ".writing-x.json").write_text('{"centers": [[5')
+    assert [field.name for field in select(str(tmp_path))] == ["seen"]
+
+
+def test_a_name_that_is_long_is_shown_in_part():
+    with pytest.raises(ValueError, match=r"unknown field 'xxx.*\.\.\.: fields are named"):
+        select("x" * 5000)
+    with pytest.raises(ValueError, match="unknown field") as refused:
+        select("x" * 5000)
+    assert len(str(refused.value)) < 400

@@ -316,3 +316,12 @@ def test_least_speed_of_known_segments(control, expected, where, scale):
 def test_a_threshold_that_is_no_number_is_refused():
     with pytest.raises(ValueError, match="least must be finite, got nan"):
         is_clear([[0, 0], [9, 0], [9, 0], [9, 0]], [[4, 0]], [1], least=np.nan)
+
+
+@pytest.mark.parametrize("what", ["control", "centers", "radii"])
+def test_numbers_whose_squares_leave_the_range_are_refused(what):
+    # the clearance of a disc that was missed came out infinite
+    given = {"control": np.zeros((4, 1)), "centers": np.ones((1, 1)), "radii": np.ones(1)}
+    given[what] = given[what] + 1e154
+    with pytest.raises(ValueError, match=r"must be at most 1e\+120 in size, got 1e\+154"):
+        clearance(**given)

@@ -269,3 +269,17 @@ def test_limits_that_contradict_each_other_are_refused(options, message):
 def test_limits_that_are_not_finite_are_refused(name, value):
     with pytest.raises(ValueError, match=f"limit {name} must be finite, got {value}"):
         Limits(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"gate": None}, "limit gate must be a number, got None"),
+        ({"longest": "15"}, "limit longest must be a number, got '15'"),
+        ({"segments": 1.5}, "limit segments must be a whole number, got 1.5"),
+        ({"longest": 10**400}, "limit longest must be a number, got 1000"),
+    ],
+)
+def test_limits_that_are_no_numbers_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        Limits(**options)

@@ -202,7 +202,7 @@ def fields(draw):
         obstacles=Discs(np.transpose(centers) + 200.0, radii),
         start=-start / 3.0,
         goal=goal,
-        bounds=np.stack([-start, goal * 1e300]),
+        bounds=np.stack([-start, goal * 1e90]),
         start_derivative=draw(points)[0] / 0.3,
     )
 

@@ -57,6 +57,13 @@ def test_best_means_an_agent_with_its_options(shipped: Path) -> None:
     assert shelf.shipped()["best"] == shipped / "ace"
 
 
+@pytest.mark.parametrize("content", [b"", b"\xff", b"[]", b"3", b'{"best": null}', b'{"ace": 1}'])
+def test_a_damaged_word_on_the_best_is_told(shipped: Path, content: bytes) -> None:
+    (shipped / "best.json").write_bytes(content)
+    with pytest.raises(ValueError, match=r"best\.json is damaged: .* install again"):
+        make_policy("best")
+
+
 @pytest.mark.usefixtures("installed", "shipped")
 def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: Path) -> None:
     place = agent(tmp_path / "runs/ppo")

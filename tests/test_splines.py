@@ -244,7 +244,7 @@ def test_exact_cusps_have_infinite_curvature_and_near_cusps_a_finite_one():
     assert max_curvature(near) == pytest.approx(8.0 / 8e-9**2, rel=1e-3)
 
 
-@pytest.mark.parametrize("scale", [1e-170, 1.0, 1e160])
+@pytest.mark.parametrize("scale", [1e-170, 1.0, 1e119])
 def test_extent_holds_at_huge_and_tiny_scales(scale):
     low, high = extent(np.array([[0.0], [0.0], [6.0], [-6.0]]) * scale)
     assert low[0] == 0.0
@@ -254,3 +254,50 @@ def test_extent_holds_at_huge_and_tiny_scales(scale):
 def test_complex_control_is_refused():
     with pytest.raises(ValueError, match="array of numbers"):
         as_control(np.zeros((4, 2), complex))
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda control: evaluate(control, [0.5]),
+        lambda control: derivative(control, [0.5]),
+        lambda control: curvature(control, [0.5]),
+        extent,
+        to_bezier,
+        from_bezier,
+    ],
+)
+@pytest.mark.parametrize(
+    ("control", "message"),
+    [
+        (None, "must be an array of numbers, got None"),
+        (np.zeros((3, 2)), r"has shape \(\.\.\., 4, D\): start, .* got \(3, 2\)"),
+        ([[0, 0], [1, 1], [1, np.nan], [1, 1]], "must be finite, got nan in it"),
+        (np.full((4, 2), 1e154), r"must be at most 1e\+120 in size, got 1e\+154"),
+    ],
+)
+def test_what_is_no_control_array_is_refused_by_all(ask, control, message):
+    with pytest.raises(ValueError, match=message):
+        ask(control)
+
+
+@pytest.mark.parametrize(
+    ("t", "order", "message"),
+    [
+        (0.5, 1, r"t must have shape \(n,\), got \(\)"),
+        ([0.5, 1.5], 1, r"parameters lie in \[0, 1\], got 1\.5"),
+        ([np.nan], 1, "t must be finite, got nan"),
+        (None, 1, "t must be an array of numbers, got None"),
+        ([0.5], -1, "order is a whole number from 0 on, got -1"),
+        ([0.5], 1.0, r"order is a whole number from 0 on, got 1\.0"),
+    ],
+)
+def test_parameters_and_orders_that_are_none_are_refused(t, order, message):
+    with pytest.raises(ValueError, match=message):
+        derivative(np.zeros((4, 2)), t, order)
+
+
+def test_an_error_shows_an_array_on_one_line():
+    with pytest.raises(ValueError, match="must be an array of numbers") as refused:
+        as_control(np.zeros((4, 2), complex))
+    assert "\n" not in str(refused.value)

@@ -93,3 +93,8 @@ def test_what_is_no_turn_is_refused(radius: float, roll: float, message: str) ->
 def test_what_is_no_speed_is_refused(speed: float, roll: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tightest_turn(speed, roll)
+
+
+def test_the_energy_of_what_nearly_has_a_cusp_is_a_number_without_a_warning() -> None:
+    energy = bending_energy([[0.0, 0.0], [0.0, 0.0], [0.0, 1.0], [1e-9, 0.0]])
+    assert 0.0 < energy < np.inf
