@@ -36,6 +36,8 @@ def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SU
     """
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"{what}s are written as {', '.join(suffixes)}, not {path.name!r}")
+    if "\0" in str(path):
+        raise ValueError(f"the {what}'s name holds a character that no file's may: {str(path)!r}")
     if path.is_dir():
         raise ValueError(f"the {what} {path} is a directory")
     if not path.parent.is_dir():

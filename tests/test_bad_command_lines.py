@@ -56,6 +56,8 @@ OF_PLANNERS = {
     f"{FIELDS} taken": "taken: not JSON",
     f"{FIELDS} deep.json": "deep.json: ",
     f"{FIELDS} binary.json": "binary.json: ",
+    "animate paper:1 --policy guided --out a\0b.gif": "character that no file's may: 'a\\x00b.gif'",
+    "plan paper:1 --planner guided --plot a\0b.png": "character that no file's may: 'a\\x00b.png'",
     f"{GUIDED} --seeds 3-1": "empty range of seeds '3-1'",
     f"{GUIDED} --seeds -1": "seeds are a number or A-B, got '-1'",
     f"{GUIDED} --seeds {'9' * 5000}": "a seed is at most 2**63 - 1",
