@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -29,6 +31,8 @@ BLOCK = 16
 """Rows that a network is asked about at a time."""
 _PICKLED = "policy.pth"
 """Weights as the library saves them."""
+WIDEST, DEEPEST = 8192, 64
+"""Of the networks that are built: a card can ask for any number of units and layers."""
 _NOT_DATA = ("learning_rate", "lr_schedule", "clip_range", "clip_range_vf", "ep_info_buffer")
 """Attributes left out of the zip: functions of a training that is over."""
 
@@ -73,12 +77,26 @@ def build(card: Card, where: str = "") -> BasePolicy:
         ValueError: no network can be built of it; the message begins with `where`.
     """
     try:
+        _check_sizes(card.policy_kwargs)
         kind = networks.policy_class(card.algorithm, card.policy)
         kwargs = networks.features(card.policy, card.policy_kwargs)
         seen = observation_space(settings_of(card.environment))
         return kind(seen, action_space(), lambda _: 0.0, **kwargs)
     except (ValueError, TypeError, AssertionError, RuntimeError, KeyError) as error:
         raise ValueError(f"{where}{_first_line(error)}") from None
+
+
+def _check_sizes(given: object) -> None:
+    """Refuse networks of sizes that would take the memory, or hours to fill with random weights."""
+    if isinstance(given, Mapping):
+        given = list(given.values())
+    if isinstance(given, (list, tuple)):
+        if len(given) > DEEPEST:
+            raise ValueError(f"at most {DEEPEST} layers, got {len(given)}")
+        for one in given:
+            _check_sizes(one)
+    elif isinstance(given, int) and given > WIDEST:
+        raise ValueError(f"layers of at most {WIDEST} units, got {given}")
 
 
 def save(directory: Path, model: BaseAlgorithm, card: Card) -> None:
@@ -145,14 +163,19 @@ def _take(policy: BasePolicy, given: Mapping[str, Tensor], path: Path) -> None:
 def _unpickled(path: Path) -> dict[str, Tensor]:
     """Weights of a model that has no others; torch's reader of weights takes nothing else."""
     try:
-        with zipfile.ZipFile(path) as archive, archive.open(_PICKLED) as file:
-            read = torch.load(file, map_location="cpu", weights_only=True)
+        with zipfile.ZipFile(path) as archive:
+            if (size := archive.getinfo(_PICKLED).file_size) > 4 * weights.MOST:
+                raise ValueError(f"{path}: {size:,} bytes of weights; at most {4 * weights.MOST:,}")
+            # at once: torch would go to and fro in it, and each time unpack from the beginning
+            file = io.BytesIO(archive.read(_PICKLED))
     except KeyError:
         raise ValueError(
             f"{path}: no weights in it: cut short, or no model that was saved here"
         ) from None
-    except (zipfile.BadZipFile, EOFError, OSError):
+    except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError):
         raise ValueError(f"{path}: not a zip file, or cut short") from None
+    try:
+        read = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:  # torch promises no kinds; whatever it is, these are no weights
         raise ValueError(
             f"{path}: {_PICKLED} does not hold weights alone, and nothing else is read "

@@ -175,6 +175,30 @@ def test_a_model_to_begin_with_is_not_unpickled(trace: Path, tmp_path: Path) -> 
         assert not out.exists()
 
 
+def test_a_model_takes_no_more_memory_or_time_than_a_network_may(tmp_path: Path) -> None:
+    pytest.importorskip("sb3_contrib")
+    from agents import torch_models
+    from agents.models import load
+    from tests.small_models import saved
+
+    place = saved(tmp_path / "model")
+    card = json.loads((place / "model.json").read_text())
+    (place / "model.json").write_text(json.dumps(card | {"policy_kwargs": {"net_arch": [10**9]}}))
+    for loaded in (load, torch_models.load):
+        with pytest.raises(ValueError, match=r"at most .* (weights|units|are read)"):
+            loaded(place)
+    (place / "model.json").write_text(json.dumps(card))
+    with (
+        zipfile.ZipFile(place / "model.zip", "w", zipfile.ZIP_DEFLATED) as archive,
+        archive.open("policy.pth", "w") as file,
+    ):
+        for _ in range(300):
+            file.write(bytes(1_000_000))
+    assert (place / "model.zip").stat().st_size < 1_000_000
+    with pytest.raises(ValueError, match=r"300,000,000 bytes of weights; at most 256,000,000"):
+        load(place)
+
+
 def test_results_and_chunks_are_not_unpickled(trace: Path, tmp_path: Path) -> None:
     from agents import evaluation_work
     from agents.backends import Backend
