@@ -176,7 +176,7 @@ def left_off(run: Run) -> bool:
                 f"--out {run.directory} holds other files; choose a new directory"
             ) from None
         return False
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ValueError(f"{place} is damaged; --fresh starts over") from None
     asked = run.configuration()
     if not isinstance(known, dict) or set(known) != set(asked):

@@ -78,9 +78,14 @@ def counts_of(checkpoint: Path) -> Counts:
         ValueError: it is damaged.
     """
     try:
-        return Counts(**json.loads((checkpoint / _STATE).read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError) as error:
+        counts = Counts(**json.loads((checkpoint / _STATE).read_text(encoding="utf-8")))
+        for key, number in asdict(counts).items():
+            kinds = (int, float) if key == "seconds" else (int,)
+            if type(number) not in kinds or not 0 <= number < 2**63:
+                raise ValueError(f"{key} {number!r}")
+    except (OSError, ValueError, TypeError, RecursionError) as error:
         raise _damaged(checkpoint, error) from None
+    return counts
 
 
 def restore(checkpoint: Path, model: BaseAlgorithm) -> None:
@@ -142,5 +147,7 @@ def _fill(buffer: Any, path: Path) -> None:
                 target = target[key] if key else target
                 target[: len(saved[name])] = saved[name]
             buffer.pos, buffer.full = int(saved["pos"]), bool(saved["full"])
+            if not 0 <= buffer.pos < buffer.buffer_size:
+                raise ValueError(f"position {buffer.pos} of {buffer.buffer_size}")
     except (OSError, zipfile.BadZipFile, KeyError) as error:
         raise ValueError(f"{path.name}: {error}") from None

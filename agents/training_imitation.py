@@ -12,6 +12,7 @@ Reference:
 from __future__ import annotations
 
 import itertools
+import math
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
@@ -86,13 +87,15 @@ def prepare(run: Run) -> Job:
         school.begin_with(start)
     if demos is not None:  # before what came later, however often the training is taken up
         school.take_in(demos)
-    known = None if run.fresh else school.restore()
+    known = None
+    if not run.fresh and school.restore():
+        known = Record(run, card, school.pace.steps)
 
     def job() -> int:
-        if not known:
+        if known is None:
             training.forget(run.directory)
             training.begin(run)
-        school.teach(Record(run, card, school.pace.steps))
+        school.teach(known or Record(run, card, school.pace.steps))
         shutil.rmtree(run.directory / "checkpoint")
         return DONE
 
@@ -182,7 +185,10 @@ class _School:
         try:
             state = torch.load(file, map_location="cpu", weights_only=True)
             self._cloner.restore(state["cloner"])
-            self._rounds = state["rounds"]
+            self._rounds, steps = int(state["rounds"]), int(state["steps"])
+            self._before = float(state["seconds"])
+            if steps < 0 or not 0.0 <= self._before < math.inf:
+                raise ValueError(f"{steps} steps in {self._before} s")
             for number in range(self._rounds):
                 rows = np.load(self._place / _ROWS.format(number), allow_pickle=False)
                 self._lessons.add(rows, self._field)
@@ -191,8 +197,7 @@ class _School:
             raise ValueError(
                 f"the checkpoint {self._place} cannot be read ({reason}); --fresh starts over"
             ) from None
-        self._before = state["seconds"]
-        self.pace = Pace(self._run.most_steps, self._run.minutes, state["steps"], self._before)
+        self.pace = Pace(self._run.most_steps, self._run.minutes, steps, self._before)
         return True
 
     def _keep(self) -> None:

@@ -51,7 +51,11 @@ class Record:
     """Of one run; it goes on with what its directory holds."""
 
     def __init__(self, run: Run, card: Card, steps: int = 0) -> None:
-        """A run that goes on after so many steps forgets what came after them."""
+        """A run that goes on after so many steps forgets what came after them.
+
+        Raises:
+            ValueError: what the directory holds is damaged.
+        """
         self._run, self._card = run, card
         self._best = run.directory / "best"
         self.curve = [row for row in _read_curve(run.directory / CURVE) if row["steps"] <= steps]
@@ -59,7 +63,12 @@ class Record:
         """The highest SPL of any model so far."""
         if (self._best / CARD).is_file():
             known = read_card(self._best / CARD)
-            self.best = known.results["chosen_on"]["spl"]
+            try:
+                self.best = float(known.results["chosen_on"]["spl"])
+            except (KeyError, TypeError, ValueError):
+                raise ValueError(
+                    f"{self._best / CARD} does not say what it reaches; --fresh starts over"
+                ) from None
 
     def consider(
         self, model: BaseAlgorithm, steps: int, seconds: float, also: dict[str, float] | None = None
@@ -136,12 +145,16 @@ def _cells(curve: Sequence[dict[str, Any]], columns: Sequence[str]) -> list[list
 def _read_curve(path: Path) -> list[dict[str, Any]]:
     if not path.is_file():
         return []
-    with path.open(newline="", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
-    return [
-        {
-            key: None if text == "" else int(text) if key == "steps" else float(text)
-            for key, text in row.items()
-        }
-        for row in rows
-    ]
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            return [_row(row) for row in csv.DictReader(file, strict=True)]
+    except (csv.Error, KeyError, TypeError, ValueError) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise ValueError(f"{path} is damaged ({reason}); --fresh starts over") from None
+
+
+def _row(cells: dict[str, str]) -> dict[str, Any]:
+    """Of a table that has a column of steps."""
+    steps = int(cells["steps"])
+    rest = {key: None if text == "" else float(text) for key, text in cells.items()}
+    return rest | {"steps": steps}

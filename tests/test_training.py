@@ -25,6 +25,7 @@ from agents.training_recipe import SHIPPED, read
 from agents.training_record import Record
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.catalog import select
+from tests.fuzz.test_files import unfinished_training
 from tests.small_models import saved
 
 CHOSEN, REPORTED = "sparse/validation:0-4", "sparse/validation:5-9"
@@ -74,6 +75,30 @@ def weights_of(directory: Path) -> list[torch.Tensor]:
 
 def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:
     return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "match"),
+    [
+        ("curve.csv", "steps,spl\n32,high\n", "curve.csv is damaged .*--fresh starts over"),
+        ("curve.csv", "spl\n0.5\n", "curve.csv is damaged"),
+        ("best/model.json", None, "does not say what it reaches; --fresh starts over"),
+        ("checkpoint/state.json", '{"steps": "x", "seconds": 1, "updates": 1, "episodes": 0}', "x"),
+        ("checkpoint/state.json", "[" * 100_000, "cannot be read"),
+        ("run.json", "[" * 100_000, "run.json is damaged; --fresh starts over"),
+    ],
+)
+def test_a_training_is_not_taken_up_from_damaged_files(
+    tmp_path: Path, file: str, content: str | None, match: str
+) -> None:
+    prepare, directory = unfinished_training(tmp_path, "ppo")
+    (place,) = directory.glob(file if "state" not in file else "checkpoint/*/state.json")
+    if content is None:
+        card = json.loads(place.read_text())
+        content = json.dumps(card | {"results": {"chosen_on": {"spl": None}}})
+    place.write_text(content)
+    with pytest.raises(ValueError, match=match):
+        prepare()
 
 
 @pytest.mark.parametrize("algorithm", OF_ALGORITHM)
