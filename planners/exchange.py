@@ -80,7 +80,7 @@ def certify(window: Window, control: Array) -> NDArray[np.bool_]:
 
     One in which a search lost its way among numbers out of range, to NaN, is not.
     """
-    feasible = np.isfinite(control).all(axis=(1, 2, 3))
+    feasible = np.asarray(np.isfinite(control).all(axis=(1, 2, 3)))
     sound = control[feasible]
     certified = is_feasible(sound, window.field, window.limits, AIM)
     if window.turn_radius > 0.0:
