@@ -24,8 +24,8 @@ REFUSED: Counter[str] = Counter()
 LARGE = 1_000_000
 """Examples in the profile of the large run: each entry point then has its many."""
 SLOW = 30.0
-"""Processor time that a case may take [s]."""
-HANG = 120.0
+"""Processor time that a case of the large run may take [s]; but for the first, which compiles."""
+HANG = 300.0
 """Processor time after which a case is taken to hang: the process ends and says where [s]."""
 ROOT = Path(__file__).parent.parent.parent
 _OURS = tuple(str(ROOT / package) for package in ("ferguson_gym", "planners", "agents"))
@@ -47,6 +47,8 @@ def fuzzed(
         strategies: of the test's arguments; others are fixtures.
     """
 
+    is_large = settings().max_examples >= LARGE
+
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(test)
         def case(*args: Any, **kwargs: Any) -> None:
@@ -57,9 +59,9 @@ def fuzzed(
             with _ended_if_it_hangs():
                 test(*args, **kwargs)
             taken = time.process_time() - began
-            assert taken < SLOW, f"{entry} took {taken:.1f} s of processor time"
+            quick = taken < SLOW or COUNTS[entry] == 1 or not is_large
+            assert quick, f"{entry} took {taken:.1f} s of processor time"
 
-        is_large = settings().max_examples >= LARGE
         chosen = settings(
             max_examples=many if is_large else few,
             deadline=None,
