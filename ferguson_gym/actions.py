@@ -39,7 +39,8 @@ _SHARE = AHEAD / REACH
 _FINENESS = 4.0
 _SPREAD = STEEPEST / np.sinh(_FINENESS)
 _OFFSET = float(np.arcsinh(AHEAD / _SPREAD) / _FINENESS)
-
+_TINY = 1e-140
+"""Below it derivatives are scaled before they are squared [m per unit t]."""
 
 BEND = 2.0 * REACH / AHEAD
 """Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
@@ -49,7 +50,13 @@ BEND = 2.0 * REACH / AHEAD
 def heading(along: float, across: float) -> complex:
     """A derivative's direction as a complex number of size 1; of zero, the first axis."""
     size = np.sqrt(along * along + across * across)
-    return complex(along / size, across / size) if size > 0.0 else 1.0 + 0.0j
+    if size < _TINY:  # the squares have few digits, or none
+        scale = max(abs(along), abs(across))
+        if scale == 0.0:
+            return 1.0 + 0.0j
+        along, across = along / scale, across / scale
+        size = np.sqrt(along * along + across * across)
+    return complex(along / size, across / size)
 
 
 @compiled
@@ -146,7 +153,7 @@ def decode(
         gate: [m].
 
     Raises:
-        ValueError: another shape, not finite, or outside [-1, 1].
+        ValueError: another shape, not finite, or an action outside [-1, 1].
 
     Example:
         >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
@@ -154,8 +161,9 @@ def decode(
         [[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]]
     """
     given = check_action(action)
+    here, ahead = finite("position", position, (2,)), finite("derivative", derivative, (2,))
     control = np.empty((4, 2))
-    decode_into(control, given, position, derivative, goal, gate)
+    decode_into(control, given, here, ahead, finite("goal", goal, (2,)), gate)
     return control
 
 
@@ -175,7 +183,8 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
         3e-5 m per unit t at the steepest derivative.
 
     Raises:
-        ValueError: no action reaches the segment's end or end derivative.
+        ValueError: no action reaches the segment's end or end derivative; another shape, or
+            not finite.
 
     Example:
         >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
@@ -184,8 +193,9 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
         [[0.0, 0.0], [9.0, 3.0], [9.0, 0.0], [9.0, 6.0]]
     """
     control = finite("segment", segment, (4, 2))
-    turn = heading(derivative[0], derivative[1]).conjugate()
-    offset = control[1] - position
+    ahead = finite("derivative", derivative, (2,))
+    turn = heading(ahead[0], ahead[1]).conjugate()
+    offset = control[1] - finite("position", position, (2,))
     step = complex(offset[0], offset[1]) * turn / REACH
     slope = complex(control[3, 0], control[3, 1]) * turn / _SPREAD
     # the inverse maps have their poles beyond all that an action reaches

@@ -246,3 +246,31 @@ def test_what_is_no_planar_segment_is_refused(segment, message):
 def test_segments_beyond_the_poles_of_the_encoding_are_refused(end, slope):
     with pytest.raises(ValueError, match="no action reaches"):
         encode([[0, 0], [end, 0], [9, 0], [slope, 0]], np.zeros(2), np.array([9.0, 0.0]))
+
+
+@pytest.mark.parametrize("size", [1e-140, 1e-161, 5e-324])
+def test_a_derivative_whose_square_is_none_has_a_heading(size):
+    # the segment was 36 mm short, and some had no action
+    slow = np.array([0.0, size])
+    segment = decode([0.0, 0.0, 0.0, 0.0], np.zeros(2), slow, FAR, 1.0)
+    np.testing.assert_allclose(segment[1], [0.0, 9.0], atol=1e-12)
+    np.testing.assert_array_equal(encode(segment, np.zeros(2), slow), np.zeros(4, np.float32))
+
+
+@pytest.mark.parametrize(
+    ("at", "slope", "message"),
+    [
+        (np.zeros(3), np.ones(2), r"position must have shape \(2,\), got \(3,\)"),
+        ([0.0, np.nan], np.ones(2), "position must be finite, got nan"),
+        (None, np.ones(2), "position must be an array of numbers, got None"),
+        (np.zeros(2), [np.inf, 0.0], "derivative must be finite, got inf"),
+    ],
+)
+def test_positions_and_derivatives_that_are_none_are_refused(at, slope, message):
+    with pytest.raises(ValueError, match=message):
+        decode(np.zeros(4), at, slope, FAR, 1.0)
+    with pytest.raises(ValueError, match=message):
+        encode(np.ones((4, 2)), at, slope)
+
+
+FAR = np.full(2, 1e6)
