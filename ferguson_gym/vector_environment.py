@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, cast
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -100,7 +100,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             )
         try:
             self.autoreset_mode = AutoresetMode(autoreset_mode)
-        except ValueError:
+        except (ValueError, TypeError):
             modes = ", ".join(mode.value for mode in AutoresetMode)
             raise ValueError(
                 f"unknown autoreset mode {shortened(autoreset_mode)}; modes are {modes}"
@@ -217,11 +217,14 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     def _seeds_of(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if np.ndim(cast("Any", seed)) == 0:
-            first = as_seed(seed)
+        given: Any = seed
+        if isinstance(given, np.ndarray):
+            given = given.tolist()
+        if not isinstance(given, Sequence) or isinstance(given, (str, bytes)):
+            first = as_seed(given)
             assert first is not None
             return [as_seed(first + i) for i in range(self.num_envs)]
-        each = list(cast("Sequence[int | None]", seed))
+        each = list(given)
         if len(each) != self.num_envs:
             raise ValueError(f"need one seed or {self.num_envs}, got {len(each)}")
         return [as_seed(one) for one in each]
