@@ -125,10 +125,10 @@ def check_suite(suite: str, split: str) -> None:
         ValueError: an unknown suite or split.
     """
     if suite not in SUITES:
-        near = meant(suite, SUITES)
+        near = meant(str(suite), SUITES)
         raise ValueError(f"unknown suite {shortened(suite)}{near}; suites are {', '.join(SUITES)}")
     if split not in SPLITS:
-        near = meant(split, SPLITS)
+        near = meant(str(split), SPLITS)
         raise ValueError(f"unknown split {shortened(split)}{near}; splits are {', '.join(SPLITS)}")
 
 

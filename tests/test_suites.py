@@ -174,6 +174,8 @@ def test_seeds_out_of_range_are_refused(suite, seed):
     [
         ("jungle", "train", "unknown suite 'jungle'; suites are standard, sparse, dense"),
         ("standard", "exam", "unknown split 'exam'; splits are train, validation, test"),
+        (None, "train", "unknown suite None; suites are"),
+        ("standard", None, "unknown split None; splits are"),
         ("", "train", "unknown suite ''"),
         ("standard", "", "unknown split ''"),
     ],
