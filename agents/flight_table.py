@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterator
+import sys
+from array import array
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,7 @@ from ferguson_gym.arrays import Array
 TIMES = TIMING_COLUMNS[3:]
 """Columns of timings.csv beside its keys [s]."""
 _KEYS = ("policy", "field", "seed")
+_NUMBERS = ("success", "length", "exact_length", "gap")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -62,6 +66,14 @@ class FlightTable:
         return grid
 
 
+class _Names(dict[str, int]):
+    """Names by the order in which they came."""
+
+    def __missing__(self, name: str) -> int:
+        self[name] = len(self)
+        return self[name]
+
+
 def read(directory: Path) -> FlightTable:
     """Read flights.csv and, where there is one, timings.csv.
 
@@ -72,72 +84,91 @@ def read(directory: Path) -> FlightTable:
     path = directory / "flights.csv"
     if not path.is_file():
         raise ValueError(f"no flights.csv in {directory}: not the results of an evaluation")
-    keys: dict[tuple[str, str, str], int] = {}
+    names = tuple(_Names() for _ in _KEYS)
     outcomes: list[str] = []
-    numbers: list[tuple[float, ...]] = []
-    for line, row in _rows(path, FLIGHT_COLUMNS):
+    # arrays, for they hold a million flights where lists of objects hold some ten thousand
+    lines, places, numbers = array("q"), array("q"), array("d")
+    for line, row in _rows(path, FLIGHT_COLUMNS, (*_KEYS, "outcome", *_NUMBERS)):
         try:
-            int(row["seed"])
-            numbers.append(
-                tuple(_number(row[key]) for key in ("success", "length", "exact_length", "gap"))
-            )
+            int(row[2])
+            numbers.extend(map(_number, row[4:]))
         except ValueError as error:
             raise ValueError(f"{path}, line {line}: {error}") from None
-        if keys.setdefault(_key(row), len(keys)) != len(outcomes):
-            raise ValueError(f"{path}, line {line}: the flight {' '.join(_key(row))} twice")
-        outcomes.append(row["outcome"])
+        places.extend(known[name] for known, name in zip(names, row, strict=False))
+        outcomes.append(sys.intern(row[3]))
+        lines.append(line)
+    place = np.array(places, np.int64).reshape(-1, 3).T
+    keys = _keys(place, names)
+    order = np.argsort(keys, kind="stable")
+    again = order[1:][np.diff(keys[order]) == 0]
+    if len(again):
+        k = int(again.min())
+        told = " ".join(list(known)[i] for known, i in zip(names, place[:, k], strict=True))
+        raise ValueError(f"{path}, line {lines[k]}: the flight {told} twice")
     success, length, exact, gap = np.array(numbers).reshape(-1, 4).T
-    policy, field, seed = ([key[k] for key in keys] for k in range(3))
-    policies, fields, seeds = (tuple(dict.fromkeys(names)) for names in (policy, field, seed))
     return FlightTable(
-        policies=policies,
-        fields=fields,
-        seeds=tuple(map(int, seeds)),
-        policy=_index(policy, policies),
-        field=_index(field, fields),
-        seed=_index(seed, seeds),
+        policies=tuple(names[0]),
+        fields=tuple(names[1]),
+        seeds=tuple(map(int, names[2])),
+        policy=place[0],
+        field=place[1],
+        seed=place[2],
         outcome=tuple(outcomes),
         success=success > 0.0,
         length=length,
         exact=exact,
         gap=gap,
-        times=_times(directory / "timings.csv", keys),
+        times=_times(directory / "timings.csv", names, keys, order),
     )
 
 
-def _times(path: Path, keys: dict[tuple[str, str, str], int]) -> dict[str, Array]:
-    times = {name: np.full(len(keys), math.nan) for name in TIMES}
-    if path.is_file():
-        for line, row in _rows(path, TIMING_COLUMNS):
-            if (k := keys.get(_key(row))) is None:
+def _keys(place: NDArray[np.int64], names: tuple[_Names, ...]) -> NDArray[np.int64]:
+    """A number for each flight, of its places (3, n) among the names."""
+    keys: NDArray[np.int64] = (place[0] * len(names[1]) + place[1]) * len(names[2]) + place[2]
+    return keys
+
+
+def _times(
+    path: Path, names: tuple[_Names, ...], keys: NDArray[np.int64], order: NDArray[np.int64]
+) -> dict[str, Array]:
+    """Times of the flights with these keys, which `order` sorts."""
+    times = np.full((len(TIMES), len(keys)), math.nan)
+    if path.is_file() and len(keys):
+        places, seconds = array("q"), array("d")
+        for line, row in _rows(path, TIMING_COLUMNS, TIMING_COLUMNS):
+            place = [known.get(name, -1) for known, name in zip(names, row, strict=False)]
+            if min(place) < 0:
                 continue
             try:
-                for name in TIMES:
-                    times[name][k] = _number(row[name])
+                seconds.extend(map(_number, row[len(_KEYS) :]))
             except ValueError as error:
                 raise ValueError(f"{path}, line {line}: {error}") from None
-    return times
+            places.extend(place)
+        timed = _keys(np.array(places, np.int64).reshape(-1, 3).T, names)
+        rank = np.searchsorted(keys, timed, sorter=order)
+        flight = order[np.minimum(rank, len(keys) - 1)]
+        flown = keys[flight] == timed
+        times[:, flight[flown]] = np.array(seconds).reshape(-1, len(TIMES)).T[:, flown]
+    return dict(zip(TIMES, times, strict=True))
 
 
-def _rows(path: Path, columns: tuple[str, ...]) -> Iterator[tuple[int, dict[str, str]]]:
+def _rows(
+    path: Path, columns: tuple[str, ...], wanted: tuple[str, ...]
+) -> Iterator[tuple[int, Sequence[str]]]:
+    """Lines and their wanted cells; all of the columns must be there."""
     with path.open(newline="", encoding="utf-8") as file:
-        rows = csv.DictReader(file)
-        if missing := [name for name in columns if name not in (rows.fieldnames or ())]:
+        rows = csv.reader(file)
+        head = next(rows, [])
+        if missing := [name for name in columns if name not in head]:
             raise ValueError(f"{path} has no column {', '.join(missing)}")
+        cells = itemgetter(*map(head.index, wanted))
         for row in rows:
-            if None in row or None in row.values():
+            if not row:  # an empty line
+                continue
+            if len(row) != len(head):
                 raise ValueError(f"{path}, line {rows.line_num}: not as many cells as columns")
-            yield rows.line_num, row
-
-
-def _key(row: dict[str, str]) -> tuple[str, str, str]:
-    return row["policy"], row["field"], row["seed"]
+            yield rows.line_num, cells(row)
 
 
 def _number(cell: str) -> float:
     return float(cell) if cell else math.nan
-
-
-def _index(values: list[str], names: tuple[str, ...]) -> NDArray[np.int64]:
-    position = {name: k for k, name in enumerate(names)}
-    return np.array([position[value] for value in values], np.int64)
