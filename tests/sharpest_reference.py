@@ -38,7 +38,9 @@ def slowest(control: Array) -> tuple[Array, float]:
     speed2 = sum(
         (np.polynomial.Polynomial(one) ** 2 for one in polynomials.T), np.polynomial.Polynomial([0])
     )
-    t = np.clip(np.array([0.0, 1.0, *speed2.deriv().roots().real]), 0.0, 1.0)
+    # a leading coefficient that is rounding alone would move all roots
+    slope = speed2.deriv().trim(1e-13 * np.abs(speed2.coef).max())
+    t = np.clip(np.array([0.0, 1.0, *slope.roots().real]), 0.0, 1.0)
     speeds = np.linalg.norm(derivative(control, np.array([*t, *np.linspace(0, 1, 101)])), axis=-1)
     return t, float(speeds.min() / speeds.max())
 

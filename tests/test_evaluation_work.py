@@ -18,6 +18,7 @@ from agents import evaluation, evaluation_chunks, evaluation_work, records
 from agents.backends import Backend, WorkerDiedError
 from agents.evaluation_chunks import Answer, Task, fly_task
 from agents.evaluation_request import Request, field_of, name_of, spans
+from agents.evaluation_timing import Timing
 from agents.evaluation_work import WORK, Work
 from agents.hands import Hand
 from agents.records import Record, Trace
@@ -70,6 +71,12 @@ def stubs(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
 def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(evaluation_chunks, "_one_by_one", stubs)
     monkeypatch.setattr(evaluation, "draw_flights", lambda _, path, title: path.touch())
+    monkeypatch.setattr(evaluation, "draw_comparison", lambda _, path: path.touch())
+    monkeypatch.setattr(
+        evaluation,
+        "measure",
+        lambda _, policy: Timing(policy=policy, decisions=[1.0], flights=[1.0]),
+    )
 
 
 def contents(directory: Path) -> dict[str, bytes]:
