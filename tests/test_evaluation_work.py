@@ -75,7 +75,7 @@ def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         evaluation,
         "measure",
-        lambda _, policy: Timing(policy=policy, decisions=[1.0], flights=[1.0]),
+        lambda _, policy, look: Timing(policy=policy, decisions=[1.0], flights=[1.0]),
     )
 
 
