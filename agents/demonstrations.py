@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -66,6 +68,7 @@ def read(dataset_id: str) -> Demonstrations:
         known = ", ".join(local_ids()) or "none"
         raise ValueError(f"no dataset {dataset_id} at {place}; datasets that are there: {known}")
     with _sound(dataset_id):
+        _check_sizes(place / "data" / "main_data.hdf5")
         dataset = minari().load_dataset(dataset_id)
         metadata: dict[str, Any] = dict(dataset.storage.metadata)
         spec = dataset.env_spec
@@ -104,6 +107,23 @@ def read(dataset_id: str) -> Demonstrations:
         environment=dict(spec.kwargs),
         metadata=metadata,
     )
+
+
+def _check_sizes(path: Path) -> None:
+    """Refuse arrays that claim to be larger than their file, before memory is asked for them.
+
+    Raises:
+        ValueError: there is one.
+    """
+    h5py: Any = importlib.import_module("h5py")
+    most = path.stat().st_size
+
+    def look(name: str, entry: Any) -> None:
+        if isinstance(entry, h5py.Dataset) and entry.nbytes > most:
+            raise ValueError(f"{name} has {entry.nbytes:,} bytes, and the file {most:,}")
+
+    with h5py.File(path) as file:
+        file.visititems(look)
 
 
 @contextmanager

@@ -278,3 +278,13 @@ def test_actions_that_are_none_are_refused(root: Path) -> None:
         file["episode_1"]["actions"][1, 2] = np.nan
     with pytest.raises(ValueError, match=r"actions outside \[-1, 1\]"):
         read(ID)
+
+
+def test_arrays_that_claim_to_be_larger_than_their_file_are_not_read(root: Path) -> None:
+    assert demos() == 0
+    with h5py.File(root / ID / "data" / "main_data.hdf5", "a") as file:
+        episode = file["episode_2"]
+        del episode["actions"]
+        episode.create_dataset("actions", (10**10, 4), np.float32, chunks=(1000, 4))
+    with pytest.raises(ValueError, match=r"actions has 160,000,000,000 bytes, and the file"):
+        read(ID)
