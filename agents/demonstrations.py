@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 import ferguson_gym
 from agents.demonstrations_episodes import make_environment, replay
 from agents.demonstrations_minari import local_ids, minari, place_of
+from agents.stored_arrays import reason
 from ferguson_gym.actions import Action
 from ferguson_gym.observations import Observation
 
@@ -65,6 +68,7 @@ def read(dataset_id: str) -> Demonstrations:
         known = ", ".join(local_ids()) or "none"
         raise ValueError(f"no dataset {dataset_id} at {place}; datasets that are there: {known}")
     with _sound(dataset_id):
+        _check_sizes(place / "data" / "main_data.hdf5")
         dataset = minari().load_dataset(dataset_id)
         metadata: dict[str, Any] = dict(dataset.storage.metadata)
         spec = dataset.env_spec
@@ -76,6 +80,7 @@ def read(dataset_id: str) -> Demonstrations:
             f"demonstrations in {ferguson_gym.ENVIRONMENT_ID}, written by ferguson demos"
         )
     with _sound(dataset_id):
+        expert, flights = str(told["expert"]), told["flights"]
         fields = tuple(
             str(note["options"]["field"])
             for note in dataset.storage.get_episode_metadata(dataset.episode_indices)
@@ -85,20 +90,40 @@ def read(dataset_id: str) -> Demonstrations:
             actions.append(np.asarray(episode.actions, np.float32).reshape(-1, 4))
             if i in (0, len(fields) - 1):
                 ends.append((fields[i], episode))
-        if not len(fields) == len(actions) == told["flights"]:
-            raise ValueError(f"{len(actions)} flights instead of {told['flights']}")
-    env = make_environment(spec.kwargs)
+        if not 0 < len(fields) == len(actions) == flights:
+            raise ValueError(f"{len(actions)} flights instead of {flights}")
+        every, offsets = np.concatenate(actions), np.cumsum([0, *map(len, actions)])
+        if not (np.abs(every) <= 1.0).all():
+            raise ValueError("actions outside [-1, 1]")
+        env = make_environment(spec.kwargs)
     for name, episode in ends:
         _check(dataset_id, env, name, episode)
     return Demonstrations(
         dataset_id=dataset_id,
-        expert=told["expert"],
+        expert=expert,
         fields=fields,
-        actions=np.concatenate(actions),
-        offsets=np.cumsum([0, *map(len, actions)]),
+        actions=every,
+        offsets=offsets,
         environment=dict(spec.kwargs),
         metadata=metadata,
     )
+
+
+def _check_sizes(path: Path) -> None:
+    """Refuse arrays that claim to be larger than their file, before memory is asked for them.
+
+    Raises:
+        ValueError: there is one.
+    """
+    h5py: Any = importlib.import_module("h5py")
+    most = path.stat().st_size
+
+    def look(name: str, entry: Any) -> None:
+        if isinstance(entry, h5py.Dataset) and entry.nbytes > most:
+            raise ValueError(f"{name} has {entry.nbytes:,} bytes, and the file {most:,}")
+
+    with h5py.File(path) as file:
+        file.visititems(look)
 
 
 @contextmanager
@@ -108,8 +133,8 @@ def _sound(dataset_id: str) -> Iterator[None]:
         yield
     except Exception as error:
         raise ValueError(
-            f"dataset {dataset_id} is damaged or cannot be read ({error}); write it again with "
-            "ferguson demos --fresh"
+            f"dataset {dataset_id} is damaged or cannot be read ({reason(error)}); write it again "
+            "with ferguson demos --fresh"
         ) from error
 
 
@@ -127,7 +152,7 @@ def _check(dataset_id: str, env: gym.Env[Observation, Action], field: str, recor
             and np.allclose(again.rewards, recorded.rewards, atol=_SAME)
             and np.allclose(again.infos["path_length"], recorded.infos["path_length"], atol=_SAME)
         )
-    except ValueError:  # a field or an action that this environment does not know
+    except Exception:  # a field that this environment does not know, or whatever damage makes
         same = False
     if not same:
         raise ValueError(

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
@@ -24,6 +23,7 @@ from agents.demonstrations_episodes import Episode, make_environment, pack, reco
 from agents.interruptions import put_off
 from agents.machine import commit, facts
 from agents.policies import Policy, make_policy
+from agents.stored_arrays import read_arrays
 from agents.warm_up import compile_kernels
 from agents.worker_processes import GOES_ON, spread
 from ferguson_gym.actions import Action
@@ -188,10 +188,10 @@ def flown(place: Path, request: Request) -> Iterator[Episode]:
     for number in range(request.chunks):
         path = _file(place, request, number)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as packed:
-                yield from unpack(packed)
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            episodes = list(unpack(read_arrays(path)))
+        except ValueError as error:
             raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
+        yield from episodes
 
 
 def _fly_chunk(

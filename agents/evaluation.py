@@ -125,8 +125,7 @@ def _write(work: Work) -> list[Record]:
 
 def _controls(work: Work) -> Iterator[Array]:
     for chunk in work.request.chunks:
-        with work.kept(chunk) as packed:
-            yield packed["control"]
+        yield work.kept(chunk)["control"]
 
 
 def _drawn(work: Work, policy: str) -> list[Flight]:

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import json
 import shutil
-import zipfile
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -24,6 +22,7 @@ from agents.backends import Backend, WorkerDiedError, flying
 from agents.evaluation_chunks import Answer, Task, alone, task_of
 from agents.evaluation_request import Chunk, Request, name_of
 from agents.records import Pack, Record, Trace
+from agents.stored_arrays import read_arrays
 from ferguson_gym.files import written_whole
 
 WORK = ".unfinished"
@@ -69,8 +68,7 @@ class Work:
         with written_whole(self.file(chunk)) as temporary:
             np.savez(temporary, allow_pickle=False, **flown)
 
-    @contextmanager
-    def kept(self, chunk: Chunk) -> Iterator[Any]:
+    def kept(self, chunk: Chunk) -> Pack:
         """What a chunk holds.
 
         Raises:
@@ -78,27 +76,24 @@ class Work:
         """
         path = self.file(chunk.number)
         try:
-            with path.open("rb") as file, np.load(file, allow_pickle=False) as packed:
-                yield packed
-        except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+            packed = read_arrays(path)
+            records.check(packed, len(chunk))
+        except ValueError as error:
             raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
+        return packed
 
     def records(self, policy: str | None = None) -> Iterator[Record]:
         """The records of all flights, or of a policy's, in order; when no chunk is missing."""
         for chunk in self.request.chunks:
             if policy in (None, chunk.policy):
-                with self.kept(chunk) as packed:
-                    yield from records.records(packed, self.request.keys(chunk))
+                yield from records.records(self.kept(chunk), self.request.keys(chunk))
 
     def trace(self, chunk: Chunk, index: int) -> tuple[Record, Trace]:
         """A flight of a chunk, its path too; `index` is among those of the policy."""
         place = index - chunk.first
-        with self.kept(chunk) as packed:
-            rows = records.records(packed, self.request.keys(chunk))
-            return (
-                next(islice(rows, place, None)),
-                next(islice(records.traces(packed), place, None)),
-            )
+        packed = self.kept(chunk)
+        rows = records.records(packed, self.request.keys(chunk))
+        return next(islice(rows, place, None)), next(islice(records.traces(packed), place, None))
 
     def remove(self) -> None:
         """Remove the directory: at once, then what was in it."""

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS
-from ferguson_gym.arrays import Array
+from ferguson_gym.arrays import LARGEST, Array, shortened
+from ferguson_gym.outcome import Outcome
 
 TIMES = TIMING_COLUMNS[3:]
 """Columns of timings.csv beside its keys [s]."""
@@ -91,7 +92,7 @@ def read(directory: Path) -> FlightTable:
     for line, row in _rows(path, FLIGHT_COLUMNS, (*_KEYS, "outcome", *_NUMBERS)):
         try:
             int(row[2])
-            numbers.extend(map(_number, row[4:]))
+            numbers.extend(_told(*row[3:]))
         except ValueError as error:
             raise ValueError(f"{path}, line {line}: {error}") from None
         places.extend(known[name] for known, name in zip(names, row, strict=False))
@@ -158,17 +159,42 @@ def _rows(
     """Lines and their wanted cells; all of the columns must be there."""
     with path.open(newline="", encoding="utf-8") as file:
         rows = csv.reader(file)
-        head = next(rows, [])
-        if missing := [name for name in columns if name not in head]:
-            raise ValueError(f"{path} has no column {', '.join(missing)}")
-        cells = itemgetter(*map(head.index, wanted))
-        for row in rows:
-            if not row:  # an empty line
-                continue
-            if len(row) != len(head):
-                raise ValueError(f"{path}, line {rows.line_num}: not as many cells as columns")
-            yield rows.line_num, cells(row)
+        try:
+            head = next(rows, [])
+            if missing := [name for name in columns if name not in head]:
+                raise ValueError(f"{path} has no column {', '.join(missing)}")
+            cells = itemgetter(*map(head.index, wanted))
+            for row in rows:
+                if not row:  # an empty line
+                    continue
+                if len(row) != len(head):
+                    raise ValueError(f"{path}, line {rows.line_num}: not as many cells as columns")
+                yield rows.line_num, cells(row)
+        except (UnicodeDecodeError, csv.Error) as error:
+            raise ValueError(f"{path}, line {rows.line_num + 1}: {error}") from None
+
+
+def _told(outcome: str, *cells: str) -> tuple[float, ...]:
+    """Success, length, exact length and gap, which make sense together."""
+    numbers = tuple(map(_number, cells))
+    success, length, exact, _ = numbers
+    if outcome not in _OUTCOMES:
+        raise ValueError(f"unknown outcome {shortened(outcome)}")
+    if success not in (0.0, 1.0) or (success == 1.0) != _OUTCOMES[outcome]:
+        raise ValueError(f"success {cells[0]!r} of a flight that ends {outcome}")
+    if not length >= 0.0 or exact <= 0.0:
+        raise ValueError(f"lengths {cells[1]!r} and {cells[2]!r}")
+    return numbers
+
+
+_OUTCOMES = {outcome.label: outcome.success for outcome in Outcome}
 
 
 def _number(cell: str) -> float:
-    return float(cell) if cell else math.nan
+    """Of a cell; NaN for an empty one."""
+    if not cell:
+        return math.nan
+    number = float(cell)
+    if not abs(number) <= LARGEST:
+        raise ValueError(f"{cell} is no number that is measured")
+    return number

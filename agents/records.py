@@ -175,6 +175,32 @@ def join(packs: Sequence[Pack]) -> Pack:
     return {key: np.concatenate([one[key] for one in packs]) for key in packs[0]}
 
 
+def check(packed: Mapping[str, NDArray[Any]], number: int) -> None:
+    """Refuse what is no pack of so many flights, before anything is taken from it.
+
+    Raises:
+        ValueError: arrays are missing, of another kind or shape, or not as long as others say.
+    """
+    for name, like in pack(()).items():
+        if name not in packed:
+            raise ValueError(f"no {name}")
+        found = packed[name]
+        if found.dtype.kind != like.dtype.kind or found.shape[1:] != like.shape[1:]:
+            raise ValueError(f"{name} is {found.shape} of {found.dtype}")
+        if found.dtype.kind == "f" and name != "exact_length" and np.isnan(found).any():
+            raise ValueError(f"NaN in {name}")
+    for whole, counts in _COUNTED.items():
+        told = packed[counts]
+        if (told < 0).any() or len(packed[whole]) != told.sum():
+            raise ValueError(f"{whole} are not as many as {counts} say")
+    wrong = [name for name in _EACH if len(packed[name]) != number]
+    if wrong:
+        raise ValueError(f"not {number} flights in {', '.join(wrong)}")
+    for name, most in (("outcome", len(Outcome)), ("hands", len(_HANDS))):
+        if ((packed[name] < 0) | (packed[name] >= most)).any():
+            raise ValueError(f"codes of {name} that are none")
+
+
 def records(packed: Mapping[str, Any], keys: Iterable[tuple[str, str, int]]) -> Iterator[Record]:
     """The records in a pack.
 
@@ -215,6 +241,19 @@ _COLUMNS = (
     "seconds",
     "evaluations",
 )
+
+
+_EACH = (*_COLUMNS, "decisions", "hand_counts", "refusals", "window_counts")
+"""Arrays with an entry for each flight."""
+_COUNTED = {
+    "decision_seconds": "decisions",
+    "hands": "hand_counts",
+    "control": "segments",
+    "refused": "refusals",
+    "window_segments": "window_counts",
+    "windows": "window_segments",
+}
+"""Arrays of all flights' together, and what says how many of them are each one's."""
 
 
 def traces(packed: Mapping[str, Any]) -> Iterator[Trace]:

@@ -12,6 +12,7 @@ from agents.flight_table import read
 from agents.report_flights import BUDGET, browser
 from agents.statistics import summary
 from agents.summaries import timed
+from ferguson_gym.arrays import LARGEST
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
 from ferguson_gym.outcome import Outcome
@@ -52,7 +53,7 @@ def write_report(
     flights = read(directory)
     found = summary(flights) if statistics is None else dict(statistics)
     held = _held(directory / "summary.json")
-    told = {one.get("policy"): one for one in held.get("policies", ()) if isinstance(one, dict)}
+    told = _of_policies(held)
     found["policies"] = timed(found["policies"], told.values())
     lines = headline(found)
     if clocked := [name for name in flights.policies if told.get(name, {}).get(_CLOCK)]:
@@ -136,11 +137,31 @@ def _held(path: Path) -> dict[str, Any]:
         return {}
     try:
         held = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
     if not isinstance(held, dict):
         raise ValueError(f"{path}: not a JSON object")
     return {key: value for key, value in held.items() if key not in ("statistics", "files")}
+
+
+def _of_policies(held: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """What it says of each policy, by name."""
+    listed = held.get("policies")
+    every = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
+    return {
+        one["policy"]: {key: value for key, value in one.items() if not _is_no_time(key, value)}
+        for one in every
+        if isinstance(one.get("policy"), str)
+    }
+
+
+def _is_no_time(key: str, value: object) -> bool:
+    """Whether something that should be a time, or none, is neither."""
+    if "seconds" not in key or value is None:
+        return False
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return True
+    return not 0.0 <= value <= LARGEST
 
 
 def _flat(prefix: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:

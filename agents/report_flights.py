@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import zipfile
-import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.flight_table import FlightTable
+from agents.stored_arrays import reason
 from ferguson_gym import catalog
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import BOUNDS, Field
@@ -123,8 +123,15 @@ def _at_most(
 
 
 def _offsets(path: Path, number: int) -> NDArray[np.int64]:
-    with _opened(path), np.load(path, allow_pickle=False) as data:
+    # opened here: NumPy leaves a file open whose contents are no zip
+    with (
+        _opened(path),
+        path.open("rb") as file,
+        np.load(file, allow_pickle=False) as data,
+    ):
         offsets: NDArray[np.int64] = data["offsets"]
+        if offsets.ndim != 1 or offsets.dtype.kind != "i" or (np.diff(offsets) < 0).any():
+            raise ValueError("offsets are whole numbers that grow")
     if len(offsets) != number + 1:
         raise ValueError(
             f"{path} has {len(offsets) - 1} flights and flights.csv has {number}: not of one "
@@ -154,8 +161,8 @@ def _opened(path: Path) -> Iterator[None]:
     """Turn what goes wrong with a file into one error that names it."""
     try:
         yield
-    except (KeyError, OSError, ValueError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise ValueError(f"{path} does not hold the paths of flights: {error}") from None
+    except Exception as error:  # of whatever the libraries make of a damaged file
+        raise ValueError(f"{path} does not hold the paths of flights: {reason(error)}") from None
 
 
 def _scenes(flights: FlightTable) -> dict[tuple[int, int], NDArray[np.int64]]:

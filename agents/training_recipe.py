@@ -13,12 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.stored_arrays import reason
 from ferguson_gym import ENVIRONMENT_ID
 
 SHIPPED = Path(__file__).parent / "hyperparameters"
 """Files that come with the package, `ALGORITHM.yml` the default of each algorithm."""
 _COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
 _LINEAR = "lin_"
+_MOST, _MOST_ALIASES = 10_000, 20
+"""Values in a file, and references to some of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,12 +58,17 @@ def read(given: str, known: Collection[str]) -> Recipe:
     shipped = SHIPPED / f"{given}.yml"
     path = shipped if shipped.is_file() else Path(given)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError:
+        text = path.read_bytes()
+    except (OSError, ValueError):  # no such file, or no name of one
         names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.yml")))
         raise ValueError(f"no hyperparameters at {given}: need a YAML file, or {names}") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ValueError(f"{given}: not YAML ({' '.join(str(error).split())})") from None
+    try:
+        if text.count(b"*") > _MOST_ALIASES:  # merged again and again, they grow without bounds
+            raise ValueError(f"more than {_MOST_ALIASES} aliases")
+        content = yaml.safe_load(text)
+        _check_size(content)
+    except Exception as error:  # of whatever the library makes of a text that is none
+        raise ValueError(f"{given}: not YAML ({reason(error)})") from None
     if not isinstance(content, dict) or list(content) != [ENVIRONMENT_ID]:
         raise ValueError(f"{given}: need one key at the top, {ENVIRONMENT_ID}")
     entries = content[ENVIRONMENT_ID]
@@ -85,6 +93,19 @@ def read(given: str, known: Collection[str]) -> Recipe:
         )
     except ValueError as error:
         raise ValueError(f"{given}: {error}") from None
+
+
+def _check_size(content: object) -> None:
+    """Refuse what refers to itself, or to one thing so often that it has no end."""
+    left, number = [content], 0
+    while left:
+        value = left.pop()
+        if (number := number + 1) > _MOST:
+            raise ValueError(f"more than {_MOST} values")
+        if isinstance(value, list):
+            left += value
+        if isinstance(value, dict):
+            left += [*value, *value.values()]
 
 
 def slope(value: object) -> float | None:

@@ -249,3 +249,42 @@ def test_a_dataset_that_lost_flights_is_refused(root: Path) -> None:
         del file["episode_3"]
     with pytest.raises(ValueError, match=f"dataset {ID} is damaged or cannot be read"):
         read(ID)
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [
+        (lambda told: told["demonstrations"].pop("expert"), r"is damaged .* \('expert'\)"),
+        (lambda told: told.update(demonstrations=3), "is damaged or cannot be read"),
+        (lambda told: told["demonstrations"].update(flights="4"), "4 flights instead of 4"),
+        (lambda told: told.update(env_spec=told["env_spec"].replace("suite", "wind")), "wind"),
+    ],
+)
+def test_a_dataset_that_does_not_say_whose_it_is_is_refused(
+    root: Path, change: Any, match: str
+) -> None:
+    assert demos() == 0
+    place = root / ID / "data" / "metadata.json"
+    told = json.loads(place.read_text())
+    change(told)
+    place.write_text(json.dumps(told))
+    with pytest.raises(ValueError, match=match):
+        read(ID)
+
+
+def test_actions_that_are_none_are_refused(root: Path) -> None:
+    assert demos() == 0
+    with h5py.File(root / ID / "data" / "main_data.hdf5", "a") as file:
+        file["episode_1"]["actions"][1, 2] = np.nan
+    with pytest.raises(ValueError, match=r"actions outside \[-1, 1\]"):
+        read(ID)
+
+
+def test_arrays_that_claim_to_be_larger_than_their_file_are_not_read(root: Path) -> None:
+    assert demos() == 0
+    with h5py.File(root / ID / "data" / "main_data.hdf5", "a") as file:
+        episode = file["episode_2"]
+        del episode["actions"]
+        episode.create_dataset("actions", (10**10, 4), np.float32, chunks=(1000, 4))
+    with pytest.raises(ValueError, match=r"actions has 160,000,000,000 bytes, and the file"):
+        read(ID)

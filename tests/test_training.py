@@ -367,6 +367,11 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
     ("text", "match"),
     [
         ("a: [", "not YAML"),
+        ("!!float ''", r"not YAML \(string index out of range\)"),
+        ("2020-99-99", r"not YAML \(month must be in 1..12\)"),
+        ("&a [*a, *a]", r"not YAML \(more than 10000 values\)"),
+        ("*" * 30, r"not YAML \(more than 20 aliases\)"),
+        ("[" * 100_000, "not YAML"),
         ("!!python/object/apply:os.system ['true']", "not YAML"),
         ("CartPole-v1: {}", f"need one key at the top, {ENVIRONMENT_ID}"),
         (f"{ENVIRONMENT_ID}: 3", "need keys and values below"),

@@ -203,6 +203,7 @@ HOSTILE = [
     b"!!timestamp 1",
     b"? {}\n: 1",
     b"<<: 3",
+    b"a: &a {b: 1}\n" + b"c: &c {<<: [*a, *a]}\n" * 30,
     f"{ENVIRONMENT_ID}: {{n_envs: .inf, n_timesteps: .nan, eval_freq: 1, policy: mlp}}".encode(),
     f"{ENVIRONMENT_ID}: {{n_envs: 2020-01-01, n_timesteps: 1, eval_freq: 1, policy: []}}".encode(),
     f"{ENVIRONMENT_ID}: {{1: 2}}".encode(),
@@ -304,6 +305,7 @@ def model(place: Path) -> Path:
     return saved(place / "model")
 
 
+@pytest.mark.filterwarnings("ignore::UserWarning")  # of what a library finds outdated
 def test_a_model_is_loaded_or_refused(model: Path) -> None:
     from agents.models import load
 

@@ -126,7 +126,7 @@ WORDS = st.sampled_from(
 
 @fuzzed("planners: names", many=6000, words=st.lists(WORDS, max_size=8), text=st.text(max_size=5))
 def test_a_planner_s_name_is_known_or_refused(words: list[str], text: str) -> None:
-    assert attempt(make, text) is None
+    assert attempt(make, text) is None or text in PLANNERS
     name = "".join(words)
     planner = attempt(make, name)
     assert planner is None or name.partition("+")[0] in PLANNERS
