@@ -61,8 +61,8 @@ def policies(found: Mapping[str, Any]) -> Table:
         "policy",
         "success\n[%]",
         "SPL",
-        "gap\n[%]",
-        "gap\n99 %",
+        "median\ngap [%]",
+        "99 %\ngap [%]",
         "decision\n[ms]",
         "flight\n[ms]",
         caption="SPL: mean of shortest / flown length, failures count 0; gap: flown beyond "
