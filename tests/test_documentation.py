@@ -20,8 +20,13 @@ LANGUAGES = {"python", "sh", "json", "{toctree}"}
 SHELL = [block for page in PAGES for block in blocks(page, "sh")]
 FERGUSON, PYTHON = ".venv/bin/ferguson", ".venv/bin/python"
 TWO_FIELDS = "standard/validation:0-1"
-TRAIN, STUDY = ["--choose-on", TWO_FIELDS, "--report-on", TWO_FIELDS], ["--steps", "600"]
-"""What is said besides to commands that would take long."""
+BESIDES = {
+    (FERGUSON, "train"): ["--choose-on", TWO_FIELDS, "--report-on", TWO_FIELDS],
+    ("benchmarks/learnability.py", "study"): ["--steps", "600"],
+    # half a million steps pass before it evaluates, and keeps a policy
+    ("benchmarks/learnability.py", "train"): ["--minutes", "4"],
+}
+"""What is said besides to commands that would take long, or do nothing in less."""
 FILE = re.compile(r"`((?:agents|benchmarks|docs|examples|ferguson_gym|planners|tests)/[\w./-]+)`")
 CLUSTER = "dask"
 """Other tests start a scheduler, and fly with its workers."""
@@ -83,10 +88,11 @@ def test_commands_run_one_after_the_other(page: Path, place: Path) -> None:
             if CLUSTER in words:
                 continue
             program, *few = reduced(words)
+            few += next((more for key, more in BESIDES.items() if set(key) <= set(words)), [])
             if program == FERGUSON:
-                assert main([*few, *(TRAIN if words[1] == "train" else [])]) == 0, words
+                assert main(few) == 0, words
             else:
-                run_script([*few, *(STUDY if "study" in few else [])], place)
+                run_script(few, place)
 
 
 def run_script(words: list[str], place: Path) -> None:
