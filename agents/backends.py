@@ -20,14 +20,15 @@ from joblib import Parallel, delayed, parallel_config
 
 from agents.evaluation_chunks import Answer, Task, end_with, fly_task
 from agents.interruptions import put_off, uninterrupted
+from planners.extras import installing
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
 BACKENDS = (PROCESSES, DASK, RAY)
 PATIENCE = 5.0
 """How long a scheduler may take to answer [s]."""
 _INSTALL = {
-    DASK: ("distributed", "pip install 'ferguson-gym[cluster]'"),
-    RAY: ("ray", "pip install ray"),
+    DASK: ("distributed", installing("cluster")),
+    RAY: ("ray", ".venv/bin/pip install ray"),
 }
 
 

@@ -24,6 +24,7 @@ from ferguson_gym.catalog import select
 from ferguson_gym.flight import depart
 from ferguson_gym.observations import KINDS
 from planners.catalog import PLANNERS, make
+from planners.extras import installing
 
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000
@@ -62,8 +63,8 @@ def add_to(bench: argparse.ArgumentParser) -> None:
             help="compare solvers of windows",
             description=(
                 "Compare solvers on the same windows from the same starts: ours, SciPy's SLSQP, "
-                "and IPOPT through CasADi (pip install 'ferguson-gym[bench]'). Print the table and "
-                "write steps.csv and solvers.png."
+                "and IPOPT through CasADi. Print the table and write steps.csv and solvers.png. "
+                f"CasADi: {installing('bench')}"
             ),
             epilog="examples:\n"
             "  ferguson bench solvers --windows 200 --out results/solvers\n"
@@ -253,8 +254,7 @@ def _prepare_solvers(options: argparse.Namespace) -> Job:
     check_directory(options.out)
     if options.ipopt_every and importlib.util.find_spec("casadi") is None:
         raise ValueError(
-            "IPOPT comes with CasADi: pip install 'ferguson-gym[bench]', or leave it out with "
-            "--ipopt-every 0"
+            f"IPOPT comes with CasADi: {installing('bench')}, or leave it out with --ipopt-every 0"
         )
     fields = (field for spec in options.fields or [_FIELDS] for field in select(spec))
     tasks = solver_bench.take_windows(multi_start(), fields, options.windows)

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.demonstrations_episodes import Episode, make_environment, seed_of
+from planners.extras import installing
 
 _ID = re.compile(r"(?P<namespace>(?:[a-z0-9_][\w-]+/)*)[a-z0-9_][\w-]*-v[0-9]+", re.ASCII | re.I)
 _BATCH = 500
@@ -33,7 +34,7 @@ def require_minari() -> None:
         ValueError: they are not.
     """
     if any(importlib.util.find_spec(module) is None for module in ("minari", "h5py")):
-        raise ValueError("demonstrations need Minari: pip install 'ferguson-gym[demos]'")
+        raise ValueError(f"demonstrations need Minari: {installing('demos')}")
 
 
 def minari() -> Any:

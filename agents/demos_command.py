@@ -11,13 +11,14 @@ from agents.completion import FIELDS, PLANNER, completes
 from agents.terminal import Terminal
 from ferguson_gym.observations import KINDS
 from planners.catalog import OPTIONS, PLANNERS
+from planners.extras import installing
 
 NO_DEMONSTRATIONS = 1
 HELP = "record an expert's flights"
-DESCRIPTION = """\
-Fly a planner through fields in the environment and write its flights as a Minari dataset (pip
-install 'ferguson-gym[demos]'). Failed flights are left out and counted. Interrupted, the same
-command goes on. Exit status 1: no flight succeeded."""
+DESCRIPTION = f"""\
+Fly a planner through fields in the environment and write its flights as a Minari dataset. Failed
+flights are left out and counted. Interrupted, the same command goes on. Exit status 1: no flight
+succeeded. Minari: {installing("demos")}"""
 EPILOG = """\
 examples:
   ferguson demos --expert guided --fields standard/train:0-999 \\

@@ -24,6 +24,7 @@ from agents.env_drivers import DEVIATION, Entry, Slice
 from agents.terminal import Terminal
 from ferguson_gym.arrays import Array
 from ferguson_gym.files import written_whole
+from planners.extras import installing
 
 
 class Row(NamedTuple):
@@ -172,7 +173,7 @@ def speeds(report: Mapping[str, Any]) -> Table:
         f"Actions: normal, deviation {DEVIATION:g}; left or right for CartPole."
     )
     if report["not_installed"]:
-        caption += " What is not installed comes with pip install 'ferguson-gym[agents]'."
+        caption += f" What is not installed comes with {installing('agents')}."
     rows = tables.empty_table(
         f"Steps per second, observation {report['observation']}",
         "environment",

@@ -25,6 +25,7 @@ from ferguson_gym import catalog
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import depart
 from planners.catalog import PLANNERS
+from planners.extras import installing
 
 MOST = 10_000_000
 """Flights of one evaluation."""
@@ -93,9 +94,9 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
         "--backend",
         default="processes",
         metavar="NAME",
-        help="who flies: processes on this machine, or dask or ray, the workers of a cluster (pip "
-        "install 'ferguson-gym[cluster]'), which need the same versions, and agents at the same "
-        "paths; no flight depends on it; default: %(default)s",
+        help="who flies: processes on this machine, or dask or ray, the workers of a cluster "
+        f"(Dask: {installing('cluster')}; Ray: .venv/bin/pip install ray), which need the same "
+        "versions, and agents at the same paths; no flight depends on it; default: %(default)s",
     )
     evaluate.add_argument(
         "--address", metavar="HOST:PORT", help="of the cluster's scheduler; Ray: default its own"

@@ -20,6 +20,7 @@ from ferguson_gym.actions import Action
 from ferguson_gym.interface import settings_of
 from ferguson_gym.observations import Observation
 from ferguson_gym.settings import Settings
+from planners.extras import installing
 
 MODEL = "model.zip"
 
@@ -68,7 +69,7 @@ def load(place: str | Path) -> Model:
         from agents import torch_models
     except ImportError as error:
         raise ValueError(
-            f"the model in {directory} needs {error.name}: pip install 'ferguson-gym[agents]'"
+            f"the model in {directory} needs {error.name}: {installing('agents')}"
         ) from None
     return torch_models.load(directory).model
 

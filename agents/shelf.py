@@ -11,6 +11,7 @@ from pathlib import Path
 
 from agents import models
 from agents.cards import CARD
+from planners.extras import installing
 
 SHIPPED = Path(__file__).parent / "shipped"
 """A directory with `model.zip` and `model.json` for each shipped agent."""
@@ -91,4 +92,4 @@ def need(what: str, *modules: str) -> None:
     """
     for module in ("torch", "stable_baselines3", "sb3_contrib", *modules):
         if importlib.util.find_spec(module) is None:
-            raise ValueError(f"{what} needs {module}: pip install 'ferguson-gym[agents]'")
+            raise ValueError(f"{what} needs {module}: {installing('agents')}")

@@ -23,14 +23,15 @@ from agents.terminal import Terminal
 from agents.training import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
 from agents.training_recipe import read
 from ferguson_gym.spelling import meant
+from planners.extras import installing
 
 MOST = 100_000
 """Fields on which a model is judged."""
 HELP = "train an agent"
-DESCRIPTION = """\
-Train an agent (pip install 'ferguson-gym[agents]'); evaluate it while it learns, keep the best
-model and checkpoints, and write model.zip, model.json, curve.csv and TensorBoard's logs.
-Interrupted, the same command goes on."""
+DESCRIPTION = f"""\
+Train an agent; evaluate it while it learns, keep the best model and checkpoints, and write
+model.zip, model.json, curve.csv and TensorBoard's logs. Interrupted, the same command goes on.
+What agents learn with: {installing("agents")}"""
 EPILOG = """\
 examples:
   ferguson train dagger --minutes 35 --workers 2 --out runs/dagger

@@ -1,4 +1,4 @@
-"""Optional libraries of planners: what to install where one is missing."""
+"""Optional libraries: whether one is there, and what to install where it is missing."""
 
 from __future__ import annotations
 
@@ -17,4 +17,9 @@ def require(planner: str, module: str, library: str) -> None:
         ValueError: it is not installed.
     """
     if importlib.util.find_spec(module) is None:
-        raise ValueError(f"planner {planner!r} needs {library}: pip install 'ferguson-gym[peers]'")
+        raise ValueError(f"planner {planner!r} needs {library}: {installing('peers')}")
+
+
+def installing(extra: str) -> str:
+    """The command that installs an extra of this project, in its checkout, as the README has it."""
+    return f".venv/bin/pip install --editable '.[{extra}]'"

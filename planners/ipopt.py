@@ -32,6 +32,7 @@ from planners.constraints import (
     SpeedAt,
     sample_weights,
 )
+from planners.extras import installing
 from planners.objectives import HorizonObjective
 from planners.problem import Problem, Programme
 from planners.quadrature import lengths
@@ -77,7 +78,7 @@ def _construct(size: _Size) -> Callable[..., dict[str, Any]]:
     try:
         import casadi
     except ImportError as error:
-        raise ImportError("IPOPT comes with CasADi: pip install 'ferguson-gym[bench]'") from error
+        raise ImportError(f"IPOPT comes with CasADi: {installing('bench')}") from error
 
     symbols: list[Any] = []
 

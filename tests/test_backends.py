@@ -171,7 +171,7 @@ def test_without_its_library_a_backend_says_what_to_install(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(backends.importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(ValueError, match=f"--backend {name} needs .*: pip install"):
+    with pytest.raises(ValueError, match=f"--backend {name} needs .*: .venv/bin/pip install"):
         Backend(name=name, address="127.0.0.1:1")
 
 

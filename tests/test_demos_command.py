@@ -24,7 +24,7 @@ def test_without_minari_it_says_what_to_install(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(demonstrations_minari.importlib.util, "find_spec", lambda _: None)
-    message = "demonstrations need Minari: pip install 'ferguson-gym[demos]'"
+    message = "demonstrations need Minari: .venv/bin/pip install --editable '.[demos]'"
     assert message in refused({}, capsys)
     with pytest.raises(ValueError) as caught:
         read("some-v0")

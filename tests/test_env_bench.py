@@ -250,7 +250,7 @@ def test_tables_and_files_tell_the_same(
             line.split() == [*name.split(), str(number), "not", "installed", "-", "-", "-"]
             for line in printed.splitlines()
         )
-    assert ("ferguson-gym[agents]" in printed) == bool(absent)
+    assert ("'.[agents]'" in printed) == bool(absent)
 
     assert [(r["environment"], int(r["number"]), int(r["round"])) for r in rows] == [
         (*name, k) for name in names for k in range(2)

@@ -145,7 +145,7 @@ def test_planners_that_are_not_installed_are_left_out_or_refused(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     def absent() -> None:
-        raise ValueError("far needs far-lib: pip install 'ferguson-gym[peers]'")
+        raise ValueError("far needs far-lib: pip install far-lib")
 
     few = {"without": STUBS["without"], "far": absent}
     with patch.dict(PLANNERS, few, clear=True):  # which, restored, has the order that it had
@@ -155,12 +155,12 @@ def test_planners_that_are_not_installed_are_left_out_or_refused(
 def leaves_out_or_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*BENCH, "--out", str(tmp_path / "all")]) == 0
     printed = capsys.readouterr().err
-    assert "left out far: far needs far-lib: pip install 'ferguson-gym[peers]'\n" in printed
+    assert "left out far: far needs far-lib: pip install far-lib\n" in printed
     assert {row["planner"] for row in rows(tmp_path / "all" / "planners.csv")} == {"without"}
     summary = json.loads((tmp_path / "all" / "summary.json").read_text())
     assert list(summary["left_out"]) == ["far"]
     assert main([*BENCH, "--planner", "far", "--out", str(tmp_path / "one")]) == 2
-    assert "pip install 'ferguson-gym[peers]'" in capsys.readouterr().err
+    assert "pip install far-lib" in capsys.readouterr().err
     assert not (tmp_path / "one").exists()
 
 

@@ -126,7 +126,7 @@ def test_without_its_library_a_planner_says_what_to_install(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda module: None)
-    with pytest.raises(ValueError, match=rf"'{name}' needs pygmo: pip install .*\[peers\]"):
+    with pytest.raises(ValueError, match=rf"'{name}' needs pygmo: .*'\.\[peers\]'"):
         make(name)
 
 
