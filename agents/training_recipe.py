@@ -76,7 +76,7 @@ def read(given: str, known: Collection[str]) -> Recipe:
         raise ValueError(f"{given}: need keys and values below {ENVIRONMENT_ID}")
     if unknown := sorted(set(entries) - {*_COMMON, *known}):
         raise ValueError(
-            f"{given}: unknown keys {', '.join(unknown)}; known are "
+            f"{given}: unknown keys {', '.join(map(repr, unknown))}; known are "
             f"{', '.join([*_COMMON, *sorted(known)])}"
         )
     if missing := [key for key in _COMMON[:4] if key not in entries]:

@@ -40,10 +40,10 @@ def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Arra
     return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
 
 
-def shortened(value: object) -> str:
-    """A value as an error shows it: on one line that is not long."""
+def shortened(value: object, most: int = 60) -> str:
+    """A value as an error shows it: on one line of at most so many characters."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= 60 else text[:57] + "..."
+    return text if len(text) <= most else text[: most - 3] + "..."
 
 
 def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:

@@ -21,6 +21,8 @@ GRAMMAR = (
     "or by the path of a JSON file or of a directory of such files"
 )
 """How fields are named, in one sentence for help and errors."""
+_PATH = 300
+"""Characters of a path that an error shows."""
 
 
 def select(spec: str) -> Iterator[Field]:
@@ -44,13 +46,13 @@ def select(spec: str) -> Iterator[Field]:
     except OSError:  # a name too long for a file
         files = None
     if files == []:
-        raise ValueError(f"no JSON files in directory {spec}")
+        raise ValueError(f"no JSON files in directory {shortened(spec, _PATH)}")
     if files is not None:
         return map(from_json, files)
     match = _NAMED.fullmatch(spec)
     if match is None:
         if path.suffix == ".json":
-            raise ValueError(f"no such field file: {spec}")
+            raise ValueError(f"no such field file: {shortened(spec, _PATH)}")
         raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
     first = int(match["first"])
     last = int(match["last"] or first)

@@ -138,7 +138,7 @@ def from_json(path: str | os.PathLike[str]) -> Field:
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
     if unknown := sorted(set(data) - {*_REQUIRED, *_OPTIONAL}):
-        warnings.warn(f"{path}: ignored unknown keys {', '.join(unknown)}", stacklevel=2)
+        warnings.warn(f"{path}: ignored unknown keys {', '.join(map(repr, unknown))}", stacklevel=2)
     return field
 
 

@@ -52,7 +52,7 @@ OF_PLANNERS = {
     f"{FIELDS} standard/test:{'9' * 5000}": "unknown field 'standard/test:999",
     f"{FIELDS} standard/test:0-99999999999": "at most 10000000 flights",
     f"{FIELDS} standard/test:0-{2**63 - 1}": f"got {2**63}",
-    f"{FIELDS} empty": "no JSON files in directory empty",
+    f"{FIELDS} empty": "no JSON files in directory 'empty'",
     f"{FIELDS} taken": "taken: not JSON",
     f"{FIELDS} deep.json": "deep.json: ",
     f"{FIELDS} binary.json": "binary.json: ",

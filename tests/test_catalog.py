@@ -80,7 +80,7 @@ def test_a_broken_file_in_a_directory_is_named(tmp_path):
 
 
 def test_an_empty_directory_is_refused(tmp_path):
-    with pytest.raises(ValueError, match=f"no JSON files in directory {tmp_path}"):
+    with pytest.raises(ValueError, match=f"no JSON files in directory '{tmp_path}'"):
         select(str(tmp_path))
 
 
@@ -104,7 +104,7 @@ def test_an_empty_directory_is_refused(tmp_path):
         ("standard/train:1-2-3", "unknown field 'standard/train:1-2-3'"),
         ("standard/train:٣", "unknown field 'standard/train:٣'"),
         ("paper", "unknown field 'paper'"),
-        ("nowhere.json", "no such field file: nowhere.json"),
+        ("nowhere.json", "no such field file: 'nowhere.json'"),
     ],
 )
 def test_what_is_wrong_is_named_before_the_first_field(spec, message, tmp_path, monkeypatch):

@@ -171,7 +171,7 @@ DISC = {"centers": [[50, 50]], "radii": [4]}
         ("jungle/train:1", "unknown suite 'jungle'; suites are standard, sparse"),
         ("standard/exam:1", "unknown split 'exam'; splits are train, validation, test"),
         ("standard:1", "unknown field 'standard:1'"),
-        ("nowhere.json", "no such field file: nowhere.json"),
+        ("nowhere.json", "no such field file: 'nowhere.json'"),
         ("nonsense", "unknown field 'nonsense': fields are named paper:1 to paper:4"),
         ({**DISC, "radii": [float("nan")]}, "radii must be finite, got nan"),
         ({**DISC, "radii": [float("inf")]}, "radii must be finite, got inf"),
@@ -316,7 +316,7 @@ def test_unknown_keys_of_a_field_are_a_warning(tmp_path: Path) -> None:
     command = [PROGRAM, "plan", path, "--planner", "single-start", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout)["field"] == "town"
-    assert done.stderr == f"ferguson: warning: {path}: ignored unknown keys colour\n"
+    assert done.stderr == f"ferguson: warning: {path}: ignored unknown keys 'colour'\n"
 
 
 def test_the_program_is_installed_and_runs() -> None:

@@ -234,7 +234,7 @@ def test_json_needs_only_centers_and_radii(tmp_path):
 def test_unknown_keys_are_ignored_with_a_warning(tmp_path):
     path = tmp_path / "canyon.json"
     path.write_text('{"wind": 3, "centers": [[50, 50]], "radii": [2], "colour": "red"}')
-    with pytest.warns(UserWarning, match=r"canyon\.json: ignored unknown keys colour, wind"):
+    with pytest.warns(UserWarning, match=r"canyon\.json: ignored unknown keys 'colour', 'wind'"):
         read = from_json(path)
     assert read.obstacles.radii.tolist() == [2.0]
 

@@ -332,7 +332,7 @@ def test_an_off_policy_training_begins_with_demonstrations(
 @pytest.mark.parametrize(
     ("more", "changes", "match"),
     [
-        ([], {"wings": 2}, "unknown keys wings; known are n_envs"),
+        ([], {"wings": 2}, "unknown keys 'wings'; known are n_envs"),
         ([], {"batch_size": 0.5}, "ppo refuses these hyperparameters"),
         ([], {"learning_rate": "lin_fast"}, "need a number after lin_, got 'lin_fast'"),
         ([], {"n_envs": 0}, "n_envs must be a whole number from 1 on, got 0"),

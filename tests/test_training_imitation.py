@@ -396,7 +396,7 @@ def test_ctrl_c_on_a_terminal_stops_workers_quietly(
         ("dagger", [], {"violation": "dear"}, "violation must lie between 0 and 1e+06, got 'dear'"),
         ("dagger", [], {"learning_rate": 0}, "learning_rate must lie between 0 and 1, got 0"),
         ("dagger", [], {"learning_rate": "lin_2"}, "learning_rate must lie between 0 and 1, got"),
-        ("dagger", [], {"gamma": 0.9}, "unknown keys gamma; known are n_envs"),
+        ("dagger", [], {"gamma": 0.9}, "unknown keys 'gamma'; known are n_envs"),
         ("dagger", ["--seed", str(2**32)], {}, "dagger takes seeds up to 4294967295, got"),
         ("dagger", [], {"policy_kwargs": {"components": 0}}, "components must be a whole number"),
         (

@@ -20,7 +20,7 @@ from hypothesis.strategies import SearchStrategy
 COUNTS: Counter[str] = Counter()
 """Cases by entry point, of this process."""
 REFUSED: Counter[str] = Counter()
-"""How many of them were refused by an error that is meant."""
+"""In how many of them something was refused, by an error that is meant."""
 LARGE = 1_000_000
 """Examples in the profile of the large run: each entry point then has its many."""
 SLOW = 30.0
@@ -32,7 +32,8 @@ _OURS = tuple(str(ROOT / package) for package in ("ferguson_gym", "planners", "a
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _LONGEST = 1500
 """Characters of a message; one that names all planners is long."""
-_current = ""
+_refused = False
+"""Whether the case that runs has met such an error."""
 
 
 def fuzzed(
@@ -52,13 +53,14 @@ def fuzzed(
     def decorate(test: Callable[..., None]) -> Callable[..., None]:
         @functools.wraps(test)
         def case(*args: Any, **kwargs: Any) -> None:
-            global _current
-            _current = entry
+            global _refused
+            _refused = False
             COUNTS[entry] += 1
             began = time.process_time()
             with _ended_if_it_hangs():
                 test(*args, **kwargs)
             taken = time.process_time() - began
+            REFUSED[entry] += _refused
             quick = taken < SLOW or COUNTS[entry] == 1 or not is_large
             assert quick, f"{entry} took {taken:.1f} s of processor time"
 
@@ -101,12 +103,13 @@ def attempt(
 
     Any other error goes on to the test, which fails.
     """
+    global _refused
     try:
         return call(*args, **kwargs)
     except errors as error:
         if not is_meant(error):
             raise AssertionError(f"an error that nobody meant: {error!r}") from error
-        REFUSED[_current] += 1
+        _refused = True
         return None
 
 

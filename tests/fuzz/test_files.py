@@ -207,6 +207,7 @@ HOSTILE = [
     f"{ENVIRONMENT_ID}: {{n_envs: .inf, n_timesteps: .nan, eval_freq: 1, policy: mlp}}".encode(),
     f"{ENVIRONMENT_ID}: {{n_envs: 2020-01-01, n_timesteps: 1, eval_freq: 1, policy: []}}".encode(),
     f"{ENVIRONMENT_ID}: {{1: 2}}".encode(),
+    f'{ENVIRONMENT_ID}: {{"\\n": 2}}'.encode(),
     f"{ENVIRONMENT_ID}: {{n_envs: {'9' * 5000}}}".encode(),
 ]
 
