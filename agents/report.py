@@ -23,6 +23,8 @@ FEW = 20
 _TEMPLATE = "report_template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
+_EQUAL = 5e-5
+"""Difference of SPL that is none in the digits that are shown."""
 _CLOCK = "stopped_by_clock"
 _LONG = 400
 """Characters of a value of the provenance that are shown."""
@@ -106,18 +108,29 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
-    """Whom the best policy is ahead of beyond doubt."""
+    """Whom the best policy is ahead of beyond doubt, and by more than what is shown of an SPL."""
     name = best["policy"]
-    doubtful = []
+    equal, doubtful = [], []
     for pair in found["pairs"]:
         if name not in (pair["first"], pair["second"]):
             continue
+        other = pair["second"] if pair["first"] == name else pair["first"]
         low, high = pair["spl_difference_low"], pair["spl_difference_high"]
         if low is None or high is None or low <= 0.0 <= high:
-            doubtful.append(pair["second"] if pair["first"] == name else pair["first"])
+            doubtful.append(other)
+        elif abs(pair["spl_difference"]) < _EQUAL:
+            equal.append(other)
+    told = []
+    if equal:
+        told.append(f"The lead over {', '.join(equal)} is below {_EQUAL:g}, of no importance.")
     if doubtful:
-        return f"These flights do not tell it from {', '.join(doubtful)} (paired 95 % interval)."
-    return "It is ahead of every other policy (paired 95 % intervals)."
+        told.append(
+            f"These flights do not tell it from {', '.join(doubtful)} (paired 95 % interval)."
+        )
+    if len(equal) + len(doubtful) < len(found["policies"]) - 1:
+        every = "every other policy" if not told else "all others"
+        told.append(f"It is ahead of {every} (paired 95 % intervals).")
+    return " ".join(told)
 
 
 def _spl(one: Mapping[str, Any]) -> str:

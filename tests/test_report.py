@@ -230,6 +230,11 @@ def test_a_drawn_shortest_path_turns_with_its_discs() -> None:
             "2 policies on 2 fields",
             "These flights do not tell it from b",
         ),
+        (
+            {"a": {"x": [150.0], "y": [155.0]}, "b": {"x": [150.002], "y": [155.002]}},
+            "2 policies on 2 fields",
+            "The lead over b is below 5e-05, of no importance.",
+        ),
     ],
 )
 def test_the_headline_says_who_leads(
