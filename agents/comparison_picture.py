@@ -20,8 +20,9 @@ from ferguson_gym.files import written_whole
 from ferguson_gym.splines import evaluate
 from planners.shortest import shortest_path
 
-COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444")
-"""Of policies, in their order; the first four are far apart for the colour-blind too."""
+COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
+"""Of policies, in their order, as in the report; the first four are far apart for the
+colour-blind too."""
 COLUMNS = 3
 """Panels in a row, at most."""
 _SIDE, _APART, _TITLE, _LINE = 2.32, 0.11, 0.24, 0.125
@@ -75,10 +76,7 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
         handles.append(Line2D([], [], label=f"shortest path: {path.length:.2f} m", **_SHORTEST))
     for k, flight in enumerate(flights):
         # the later the thinner, so that flights on the same way are all seen
-        look: dict[str, Any] = {
-            "color": COLOURS[k],
-            "lw": 1.5 + 3.0 * (len(flights) - 1 - k) / len(flights),
-        }
+        look: dict[str, Any] = {"color": COLOURS[k], "lw": 1.2 + 1.1 * (len(flights) - 1 - k)}
         if len(flight.control):
             points = evaluate(flight.control, _T).reshape(-1, 2)
             axes.plot(*points.T, zorder=4, solid_capstyle="round", **look)

@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents import report
+from agents.comparison_picture import COLOURS
 from agents.report import page, write_report
 from agents.report_flights import draw_chain, draw_shortest
 from agents.statistics import summarise
@@ -213,6 +215,12 @@ def test_a_drawn_shortest_path_turns_with_its_discs() -> None:
     arcs = [part for part in parts if len(part) == 7]
     assert [arc[4] for arc in arcs] == [float(sense > 0) for sense in path.senses]
     np.testing.assert_allclose([arc[0] for arc in arcs], 100.0 * path.radii, atol=0.5)
+
+
+def test_policies_have_the_colours_that_they_have_in_the_picture() -> None:
+    template = Path(report.__file__).with_name("report_template.html").read_text(encoding="utf-8")
+    light = template[: template.index("prefers-color-scheme: dark")]
+    assert tuple(re.findall(r"--c[0-9]: (#[0-9a-f]{6});", light)) == COLOURS
 
 
 @pytest.mark.parametrize(
