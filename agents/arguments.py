@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ferguson_gym.catalog import family
+from ferguson_gym.files import unwritable
 from ferguson_gym.spelling import meant
 from ferguson_gym.suites import LAST_SEED
 
@@ -186,13 +187,16 @@ def check_directory(out: Path) -> None:
 
     Raises:
         ValueError: it is.
+        OSError: a name that cannot be one, as it is too long.
     """
     for place in (out, *out.parents):
         if os.path.lexists(place) and not place.is_dir():
             raise ValueError(f"--out {out}: {place} is a file, not a directory")
         if place.is_dir():
-            if not os.access(place, os.W_OK | os.X_OK):
-                raise ValueError(f"--out {out}: no permission to write in {place.resolve()}")
+            if (reason := unwritable(place)) is not None:
+                raise ValueError(f"--out {out}: cannot write in {place.resolve()}: {reason}")
+            for part in out.relative_to(place).parts:
+                (place / part).exists()  # raises if no file system could have it
             return
 
 

@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from agents.flights import Flight
 from ferguson_gym import drawing
 from ferguson_gym.arrays import Array
-from ferguson_gym.files import written_whole
+from ferguson_gym.files import unwritable, written_whole
 from ferguson_gym.splines import evaluate
 
 SUFFIXES = (".png", ".pdf", ".svg")
@@ -32,7 +32,7 @@ def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SU
     """Check that a picture, or another thing of these suffixes, can be written there.
 
     Raises:
-        ValueError: an unknown format, a directory, or one that does not exist.
+        ValueError: an unknown format, a directory, or one that does not exist or takes no files.
     """
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"{what}s are written as {', '.join(suffixes)}, not {path.name!r}")
@@ -42,6 +42,8 @@ def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SU
         raise ValueError(f"the {what} {path} is a directory")
     if not path.parent.is_dir():
         raise ValueError(f"no such directory for the {what}: {path.parent}")
+    if (reason := unwritable(path.parent)) is not None:
+        raise ValueError(f"cannot write the {what} in {path.parent.resolve()}: {reason}")
 
 
 def picture_of(policy: str) -> str:

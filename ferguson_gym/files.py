@@ -29,3 +29,15 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.replace(target)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def unwritable(directory: str | os.PathLike[str]) -> str | None:
+    """Why no file can be written in a directory that exists; None if one can.
+
+    It is tried: what permissions say is not the truth for root, nor on every file system.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=directory):
+            return None
+    except OSError as error:
+        return error.strerror or str(error)

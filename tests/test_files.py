@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from ferguson_gym.files import written_whole
+from ferguson_gym.files import unwritable, written_whole
 
 
 def test_a_block_that_succeeds_replaces_the_file(tmp_path):
@@ -83,3 +83,14 @@ def test_a_new_file_has_the_mode_that_open_would_have_given(tmp_path, umask):
     finally:
         os.umask(before)
     assert (tmp_path / "whole").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_whether_a_directory_takes_files_is_tried(tmp_path):
+    assert unwritable(tmp_path) is None
+    assert not list(tmp_path.iterdir())
+    assert unwritable(tmp_path / "nowhere") == "No such file or directory"
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
+def test_not_even_root_writes_where_no_files_are():
+    assert unwritable("/proc") is not None
