@@ -56,6 +56,7 @@ def prepare(options: argparse.Namespace) -> Job:
         ValueError: a policy, a field or a file that cannot be.
     """
     from agents.animation import animate
+    from agents.compiling import told
     from agents.flights import fly_by_name
     from agents.gif import SUFFIX
     from agents.pictures import check_target
@@ -73,7 +74,8 @@ def prepare(options: argparse.Namespace) -> Job:
     terminal = Terminal(quiet=options.quiet, colour=options.colour)
 
     def job() -> int:
-        flight = fly_by_name(options.policy, field, options.seed)
+        with told(terminal):
+            flight = fly_by_name(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
             frames = animate(flight, options.out, progress)
         terminal.show(

@@ -84,6 +84,7 @@ def prepare(options: argparse.Namespace) -> Job:
         ValueError: a planner, a field or a picture that cannot be.
     """
     from agents import planning
+    from agents.compiling import told
     from agents.pictures import check_target
     from agents.policies import make_planner
     from agents.warm_up import warm
@@ -103,7 +104,8 @@ def prepare(options: argparse.Namespace) -> Job:
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
-        planner = warm(name)
+        with told(terminal):
+            planner = warm(name)
         with put_off():
             report = planning.plan(planner, name, field, options.seed)
         if options.json:

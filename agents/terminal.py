@@ -10,13 +10,19 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
+    Task,
     TextColumn,
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.text import Text
 
 WIDTH = 120
 """Of tables where there is no terminal, in columns."""
+COMPILING = "compiling, as ever at the first run: a minute or two"
+_PATIENCE = 5.0
+"""Seconds without any part done, after which a bar says why that may be."""
 
 
 def silence(stream: TextIO) -> None:
@@ -32,6 +38,16 @@ class _Console(Console):
     def on_broken_pipe(self) -> None:
         """The library would end the program here, and with a status of its own."""
         silence(self.file)  # type: ignore[arg-type]
+
+
+class _Why(ProgressColumn):
+    """What keeps workers from their first part."""
+
+    max_refresh = 0.5
+
+    def render(self, task: Task) -> Text:
+        waits = not task.completed and (task.elapsed or 0.0) > _PATIENCE
+        return Text(f"({COMPILING}?)" if waits else "")
 
 
 class Terminal:
@@ -76,7 +92,11 @@ class Terminal:
     def bar(self) -> Progress:
         """Of work in parts: how many are done, since when, and how long it may still take."""
         return self._progress(
-            BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TimeRemainingColumn(),
+            _Why(),
         )
 
     def share_bar(self) -> Progress:

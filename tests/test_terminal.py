@@ -11,9 +11,11 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import numba
 import pytest
 from rich.console import Console
 
+from agents import compiling, terminal
 from agents.command_line import _parser, main
 from agents.statistics import summarise
 from agents.statistics_tables import of_summary
@@ -118,6 +120,28 @@ def test_bars_are_for_terminals_and_colours_turn_off(monkeypatch: pytest.MonkeyP
     screen()
     monkeypatch.setenv("TERM", "dumb")
     assert drawn(Terminal()) == "so far\n"
+
+
+def test_a_bar_that_waits_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm-256color")
+    monkeypatch.setattr(terminal, "_PATIENCE", 0.0)
+    monkeypatch.setattr(sys, "stderr", Screen())
+    with Terminal().bar() as bar:
+        flights = bar.add_task("flights", total=2)
+        (why,) = [column for column in bar.columns if isinstance(column, terminal._Why)]
+        assert terminal.COMPILING in why.render(bar.tasks[flights]).plain
+        bar.advance(flights)
+        assert why.render(bar.tasks[flights]).plain == ""
+
+
+def test_the_first_compilation_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    with compiling.told(Terminal()):
+        for number in (1.0, 2):
+            numba.njit(lambda x: x)(number)
+    assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"
+    numba.njit(lambda x: x)(number)
+    assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"
 
 
 def test_quiet_leaves_results_and_json_is_all_there_is(
