@@ -6,6 +6,7 @@ import json
 from typing import Any
 
 import numpy as np
+from hypothesis import assume
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 from numpy.typing import NDArray
@@ -122,47 +123,54 @@ POINTS = st.one_of(st.floats(-12.0, 112.0), st.sampled_from([0.0, -10.0, 110.0, 
 
 
 @st.composite
-def fields(draw: DrawFn, most: int = 8) -> Field | None:
-    """Small fields, None where the numbers drawn make none."""
-    centers, radii = draw(discs(most))
-    near = draw(st.sampled_from([1e-7, 1e-3, 1.0, 3.0, 14.0, 100.0]))
-    start = [draw(POINTS), draw(POINTS)] if draw(st.booleans()) else [0.0, 0.0]
-    goal = [100.0, 100.0]
+def fields(draw: DrawFn, most: int = 8) -> Field:
+    """Small fields, often tight: discs that touch the start or the goal, bounds just around."""
+    near = draw(st.sampled_from([1e-7, 1e-3, 1.0, 3.0, 14.0, 100.0, 100.0, 100.0]))
+    start = np.array([draw(POINTS), draw(POINTS)] if draw(st.booleans()) else [0.0, 0.0])
+    goal = np.array([100.0, 100.0])
     if draw(st.booleans()):
-        goal = [draw(POINTS), draw(POINTS)]
+        goal = np.array([draw(POINTS), draw(POINTS)])
     elif near < 100.0:
-        goal = [start[0] + near, start[1]]
-    low, high = draw(
-        st.sampled_from([(-10.0, 110.0), (-1e6, 1e6), (0.0, 100.0), (None, None), (-15.0, 115.0)])
-    )
-    if low is None:  # bounds just around
-        least, most_ = np.minimum(start, goal), np.maximum(start, goal)
-        wide = draw(st.sampled_from([1e-9, 1e-3, 1.0, 5.0]))
-        bounds = [(least - wide).tolist(), (most_ + wide).tolist()]
-    else:
-        bounds = [low, high]
-    derivative = None
+        goal = start + np.array([near, 0.0])
+    least, greatest = np.minimum(start, goal), np.maximum(start, goal)
+    wide = draw(st.sampled_from([1e-9, 1e-3, 1.0, 5.0, 10.0, 10.0, 15.0, 1e6]))
+    centers, radii = draw(discs(most))
+    touch = draw(st.sampled_from([1.0 - 1e-12, 0.999, 0.9, 0.5]))
+    kept = []
+    for center, radius in zip(np.array(centers).reshape(-1, 2), radii, strict=True):
+        free = min(np.linalg.norm(center - start), np.linalg.norm(center - goal))
+        kept.append((center, min(radius, touch * float(free))))
+    kept = [(center, radius) for center, radius in kept if radius > 0.0]
+    options: dict[str, Any] = {}
     if draw(st.booleans()):
-        derivative = [draw(st.floats(-70.0, 70.0)), draw(st.floats(-70.0, 70.0))]
-    options: dict[str, Any] = {} if derivative is None else {"start_derivative": derivative}
-    try:
-        return Field(
-            name="drawn",
-            obstacles=Discs(centers, radii),
-            start=np.array(start),
-            goal=np.array(goal),
-            bounds=np.array(bounds),
-            **options,
-        )
-    except ValueError:
-        return None
+        options["start_derivative"] = draw(slopes(1.0 + 1e-9))
+    assume(np.linalg.norm(goal - start) > 0.0)
+    return Field(
+        name="drawn",
+        obstacles=Discs(
+            np.array([center for center, _ in kept]).reshape(-1, 2),
+            np.array([radius for _, radius in kept]),
+        ),
+        start=start,
+        goal=goal,
+        bounds=np.array([least - wide, greatest + wide]),
+        **options,
+    )
+
+
+@st.composite
+def slopes(draw: DrawFn, least: float) -> NDArray[np.float64]:
+    """Derivatives of at least that norm."""
+    angle, speed = draw(st.floats(-4.0, 4.0)), draw(st.floats(least, 66.0))
+    return speed * np.array([np.cos(angle), np.sin(angle)])
 
 
 @st.composite
 def vehicles(draw: DrawFn, field: Field) -> State:
     """States in a field: at its start, anywhere in its bounds, on its goal, inside discs."""
     position, derivative = field.start, field.departure
-    kind = draw(st.sampled_from(["start", "any", "goal", "disc", "edge", "near goal"]))
+    usual = [*(["start"] * 4), *(["any"] * 3)]
+    kind = draw(st.sampled_from([*usual, "goal", "disc", "edge", "near goal"]))
     low, high = field.bounds
     share = np.array([draw(st.floats(0.0, 1.0)), draw(st.floats(0.0, 1.0))])
     if kind == "any":
@@ -177,9 +185,8 @@ def vehicles(draw: DrawFn, field: Field) -> State:
         assert isinstance(field.obstacles, Discs)
         position = field.obstacles.centers[0] + (share - 0.5) * field.obstacles.radii[0]
     if draw(st.booleans()):
-        angle, speed = draw(st.floats(-4.0, 4.0)), draw(st.floats(0.0, 66.0))
-        derivative = speed * np.array([np.cos(angle), np.sin(angle)])
-    flown = draw(st.sampled_from([0, 0, 0, 1, 38, 39, 40, 41]))
+        derivative = draw(slopes(0.0))
+    flown = draw(st.sampled_from([*([0] * 9), 1, 38, 39, 40, 41]))
     return State(np.array(position), np.array(derivative), flown)
 
 

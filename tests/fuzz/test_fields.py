@@ -96,10 +96,8 @@ def test_a_field_of_anything_is_sound_or_refused(
 
 @fuzzed("fields: drawn", many=6000, field=fields())
 def test_fields_that_are_accepted_are_sound_and_come_back_from_json(
-    place: Path, field: Field | None
+    place: Path, field: Field
 ) -> None:
-    if field is None:
-        return
     is_sound(field)
     to_json(field, place)
     again = from_json(place)
@@ -250,11 +248,7 @@ def test_limits_are_consistent_or_refused(values: dict[str, Any]) -> None:
     field=fields(),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_a_feasible_segment_is_feasible_at_samples(
-    data: Any, field: Field | None, seed: int
-) -> None:
-    if field is None:
-        return
+def test_a_feasible_segment_is_feasible_at_samples(data: Any, field: Field, seed: int) -> None:
     stream = np.random.default_rng(seed)
     control = data.draw(segments()) * 0.3 + stream.uniform(0.0, 100.0, 2) * [[1], [1], [0], [0]]
     if stream.random() < 0.5:  # one that may well be
@@ -284,9 +278,7 @@ def test_a_feasible_segment_is_feasible_at_samples(
 
 
 @fuzzed("planners: exact length", many=6000, field=fields(most=12))
-def test_an_exact_length_is_at_least_the_straight_distance(field: Field | None) -> None:
-    if field is None:
-        return
+def test_an_exact_length_is_at_least_the_straight_distance(field: Field) -> None:
     exact = exact_length(field)
     if exact is not None:
         size = float(np.ptp(field.bounds))
@@ -302,10 +294,8 @@ def test_an_exact_length_is_at_least_the_straight_distance(field: Field | None) 
     reach=WILD,
 )
 def test_signed_distances_and_gradients_are_numbers(
-    field: Field | None, points: np.ndarray, reach: float
+    field: Field, points: np.ndarray, reach: float
 ) -> None:
-    if field is None:
-        return
     obstacles = field.obstacles
     away, gradient = obstacles.signed_distance(points), obstacles.gradient(points)
     assert np.isfinite(away).all()

@@ -106,9 +106,7 @@ def test_a_plan_holds_from_any_state(name: str) -> None:
         data=st.data(),
         seed=st.integers(0, 2**63 - 1),
     )
-    def case(field: Field | None, data: Any, seed: int) -> None:
-        if field is None:
-            return
+    def case(field: Field, data: Any, seed: int) -> None:
         vehicle = data.draw(vehicles(field))
         plan = planner.plan(field, State(vehicle), seed)
         holds(plan, field, vehicle)
@@ -164,10 +162,8 @@ def test_options_fit_or_are_refused(
     far=WILD,
 )
 def test_a_distance_to_go_is_at_least_the_straight_one(
-    field: Field | None, points: list[tuple[float, float]], far: float
+    field: Field, points: list[tuple[float, float]], far: float
 ) -> None:
-    if field is None:
-        return
     togo = DistanceToGo(field)
     distance, gradient = togo(points)
     assert isinstance(field.obstacles, Discs)
@@ -186,9 +182,7 @@ def test_a_distance_to_go_is_at_least_the_straight_one(
 
 
 @fuzzed("planners: polish", few=2, many=300, field=fields(most=6))
-def test_a_polished_flight_is_no_longer(field: Field | None) -> None:
-    if field is None:
-        return
+def test_a_polished_flight_is_no_longer(field: Field) -> None:
     plan = quick("shortest").plan(field, State(Vehicle(field.start, field.departure)), 0)
     if plan.path is None:
         return
