@@ -75,7 +75,7 @@ def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None
             labels=list(entries),
             handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
             loc="outside lower center",
-            ncols=len(entries) if columns > 1 else 3,
+            ncols=len(entries) if columns > 1 or len(entries) == 4 else 3,
             frameon=False,
             fontsize=7,
             handlelength=2.4,
@@ -93,7 +93,7 @@ def _draw_panel(axes: Axes, flight: Flight) -> None:
         drawing.draw_refused(axes, flight.refused)
     title = f"{flight.field.name}: {len(flight.control)} segments, {flight.length:.2f} m"
     if flight.gap is not None:
-        title += f", gap {100 * flight.gap:.1f} %"
+        title += f", gap {100 * flight.gap:.2f} %"
     if not flight.success:
         title += f"\n{flight.outcome.sentence}"
     axes.set_title(title, parse_math=False)

@@ -76,8 +76,9 @@ class Terminal:
     def show(self, *results: RenderableType) -> None:
         """Tables and sentences, where they were not asked for as JSON."""
         if not self.as_json:
-            for result in results:
-                self._out.print(result, markup=False)
+            for result in results:  # a sentence is one line, but where someone reads it
+                whole = isinstance(result, str) and not self._out.is_terminal
+                self._out.print(result, markup=False, soft_wrap=whole)
 
     def show_json(self, text: str) -> None:
         """The one JSON object, if it was asked for."""
