@@ -57,7 +57,8 @@ def fly(env: gym.Env, seed: int, tell: bool = False) -> Outcome:
         observation, reward, terminated, truncated, info = env.step(choose(observation))
         if tell:
             way, room = info["path_length"], info["clearance"]
-            print(f"{info['segments']:3} {way:7.2f} m, clearance {room:.2f} m, reward {reward:+.3f}")
+            told = f"{way:7.2f} m, clearance {room:.2f} m, reward {reward:+.3f}"
+            print(f"{info['segments']:3} {told}")
     return Outcome.from_code(info["outcome"])
 
 
