@@ -76,7 +76,11 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
         handles.append(Line2D([], [], label=f"shortest path: {path.length:.2f} m", **_SHORTEST))
     for k, flight in enumerate(flights):
         # the later the thinner, so that flights on the same way are all seen
-        look: dict[str, Any] = {"color": COLOURS[k], "lw": 1.2 + 1.1 * (len(flights) - 1 - k)}
+        above = len(flights) - 1 - k
+        look: dict[str, Any] = {
+            "color": COLOURS[k],
+            "lw": 1.2 + min(1.1, 5.5 / len(flights)) * above,
+        }
         if len(flight.control):
             points = evaluate(flight.control, _T).reshape(-1, 2)
             axes.plot(*points.T, zorder=4, solid_capstyle="round", **look)
