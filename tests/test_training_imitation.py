@@ -22,6 +22,7 @@ import torch
 import yaml
 
 from agents import models, torch_models, training_demos, visits
+from agents.arguments import GOES_ON
 from agents.batched import fly_batch, score
 from agents.cloning import Cloner
 from agents.command_line import main
@@ -369,8 +370,9 @@ def test_ctrl_c_on_a_terminal_stops_workers_quietly(
         os.killpg(training.pid, signal.SIGINT)  # as a terminal does: workers and all
         _, error = training.communicate(timeout=60.0)
     assert training.returncode == 130
-    first, last = error.splitlines()
+    first, then, last = error.splitlines()
     assert "stopping after this update, with a checkpoint" in first
+    assert then == GOES_ON
     assert last == "ferguson: interrupted"
 
 
