@@ -16,7 +16,7 @@ test: .venv/installed-dev  ## the tests, without those that need minutes
 test-slow: .venv/installed-dev  ## the tests that need minutes
 	$(BIN)/pytest -m slow --timeout 7200
 
-fuzz: .venv/installed-dev  ## a quarter of a million odd cases: ten minutes
+fuzz: .venv/installed-dev  ## a quarter of a million odd cases: seven minutes
 	$(BIN)/pytest tests/fuzz -n 2 --dist loadfile --hypothesis-profile large --timeout 14400
 
 check: .venv/installed-dev docs  ## style, types, the import contract, and whether the pages build

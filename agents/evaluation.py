@@ -18,7 +18,7 @@ from agents.flights import Flight
 from agents.interruptions import put_off
 from agents.pictures import draw_flights, picture_of
 from agents.records import Record, flight_of
-from agents.report import write_report
+from agents.report import REPORT, write_report
 from agents.statistics import summarise
 from agents.terminal import Terminal
 from ferguson_gym.arrays import Array
@@ -100,7 +100,7 @@ def run(
         (work.staging / name).replace(directory / name)
     work.remove()
     _show(directory, terminal)
-    terminal.note(f"wrote {', '.join(names)} to {directory}")
+    terminal.note(f"wrote {', '.join(names)} to {directory}; see {directory / REPORT}")
 
 
 def _show(directory: Path, terminal: Terminal) -> None:

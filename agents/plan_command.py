@@ -11,7 +11,7 @@ from agents.interruptions import put_off
 from agents.terminal import Terminal
 from ferguson_gym.catalog import one
 from ferguson_gym.flight import depart
-from planners.catalog import PLANNERS, named
+from planners.catalog import OPTIONS, PLANNERS, named
 
 NO_PATH = 1
 HELP = "plan one field"
@@ -37,7 +37,10 @@ def add_to(plan: argparse.ArgumentParser) -> None:
     )
     completes(
         plan.add_argument(
-            "--planner", required=True, metavar="NAME", help=f"one of {', '.join(PLANNERS)}"
+            "--planner",
+            required=True,
+            metavar="NAME",
+            help=f"one of {', '.join(PLANNERS)}, with options or without: {OPTIONS}",
         ),
         PLANNER,
     )
@@ -83,12 +86,17 @@ def prepare(options: argparse.Namespace) -> Job:
     Raises:
         ValueError: a planner, a field or a picture that cannot be.
     """
-    from agents import planning
+    from agents import planning, shelf
     from agents.compiling import told
     from agents.pictures import check_target
-    from agents.policies import make_planner
+    from agents.policies import is_planner, make_planner, plain_agent
     from agents.warm_up import warm
 
+    if not is_planner(options.planner) and shelf.find(plain_agent(options.planner)) is not None:
+        raise ValueError(
+            f"{options.planner!r} is an agent, which plans nothing; fly it by ferguson evaluate "
+            f"--policy {options.planner} --fields {options.field} --out DIR"
+        )
     name = named(
         options.planner,
         options.backtrack,

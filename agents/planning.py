@@ -92,13 +92,13 @@ class Report:
         facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
         if flight.gap is not None:
             facts.append(
-                f"{100 * flight.gap:.2f} % above the shortest path, {flight.exact_length:.4f} m"
+                f"{_percent(flight.gap)} above the shortest path, {flight.exact_length:.4f} m"
             )
         if len(flight.control):
             radius = flight.min_turn_radius
             # within the tolerance, a contact is shown as a contact
             clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
-            facts.append(f"clearance {clear:.3f} m")
+            facts.append(f"clearance {clear:.3f} m" if math.isfinite(clear) else "no obstacles")
             facts.append(f"smallest turn radius {radius:.3g} m")
         if self.plan.evaluations:
             facts.append(f"{self.plan.evaluations} function evaluations")
@@ -115,8 +115,13 @@ def _told(route: Route, exact: float | None) -> str:
     seconds, _ = route.progress[-1]
     facts = [f"route: {route.length:.4f} m", f"found after {seconds:.3f} s"]
     if exact is not None:
-        facts.insert(1, f"{100 * gap(route.length, exact):.2f} % above the shortest path")
+        facts.insert(1, f"{_percent(gap(route.length, exact))} above the shortest path")
     return ", ".join(facts)
+
+
+def _percent(gap: float) -> str:
+    """A gap as people read it; a path a rounding error short of the shortest is as short."""
+    return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
 
 
 def _finite(value: float) -> float | None:

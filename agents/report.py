@@ -10,7 +10,7 @@ from typing import Any
 
 from agents.flight_table import read
 from agents.report_flights import BUDGET, browser
-from agents.statistics import summary
+from agents.statistics import caution, summary
 from agents.summaries import timed
 from ferguson_gym.arrays import LARGEST
 from ferguson_gym.fields import Field
@@ -18,8 +18,6 @@ from ferguson_gym.files import written_whole
 from ferguson_gym.outcome import Outcome
 
 REPORT = "report.html"
-FEW = 20
-"""Fields below which the report warns of its intervals."""
 _TEMPLATE = "report_template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
@@ -97,11 +95,8 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
     else:
         best = max(policies, key=lambda one: float(one["spl"]))
         sentences = [f"{best['policy']} has the highest SPL, {_spl(best)}. {_lead(best, found)}"]
-    if found["fields"] < FEW and len(policies) > 1:
-        sentences.append(
-            f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and "
-            "nothing is certain."
-        )
+    if (warning := caution(found)) is not None:
+        sentences.append(warning)
     if found["seeds"] > 1:
         reached += f", with {found['seeds']} policy seeds on each field"
     return {"title": title, "sentences": [*sentences, f"{reached}."]}
@@ -129,7 +124,7 @@ def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
         )
     if len(equal) + len(doubtful) < len(found["policies"]) - 1:
         every = "every other policy" if not told else "all others"
-        told.append(f"It is ahead of {every} (paired 95 % intervals).")
+        told.append(f"{name} is ahead of {every} (paired 95 % intervals).")
     return " ".join(told)
 
 

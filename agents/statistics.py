@@ -27,6 +27,8 @@ TIE = 1e-5
 """Lengths [m] that differ by no more are alike: the tolerance of every test of a flight."""
 LEAST_GAP = 1e-5
 """Where performance profiles begin; smaller gaps are all the same."""
+FEW = 20
+"""Fields below which readers are warned of intervals."""
 _LEVELS = 241
 """Of a performance profile, at equal ratios."""
 
@@ -283,6 +285,16 @@ def improvement(first: Array, second: Array) -> Array:
     better = np.where(alike, 0.5, (first < second).astype(float))
     better[np.isnan(first) | np.isnan(second)] = math.nan
     return better
+
+
+def caution(found: Mapping[str, Any]) -> str | None:
+    """What a summary's readers should know first, if it compares policies on a few fields."""
+    if found["fields"] >= FEW or len(found["policies"]) < 2:
+        return None
+    return (
+        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and nothing "
+        "is certain."
+    )
 
 
 def profile_levels(gaps: Array) -> Array:

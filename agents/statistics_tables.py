@@ -8,6 +8,7 @@ from typing import Any
 from rich.table import Table
 from rich.text import Text
 
+from agents.statistics import caution
 from agents.summaries import timed
 from agents.tables import empty_table
 from ferguson_gym.outcome import Outcome
@@ -30,6 +31,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     yield policies(found)
     remarks = [
         *failures(found),
+        *filter(None, [caution(found)]),
         *(
             f"{one['policy']} is stopped by a clock: its flights do not repeat"
             for one in summary["policies"]
@@ -66,8 +68,8 @@ def policies(found: Mapping[str, Any]) -> Table:
         "decision\n99 % [ms]",
         "flight\n[ms]",
         caption="SPL: mean of shortest / flown length, failures count 0; gap: flown beyond "
-        "shortest length, a failure's is infinite; decision: 99th percentile, where a flight is "
-        "planned as a whole that is its first; flight: median",
+        "shortest length, a failure's is infinite; decision: 99th percentile of times of all "
+        "decisions, the first of which is all there is to a path planned whole; flight: median",
     )
     for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
         table.add_row(
@@ -109,10 +111,10 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
         "SPL difference",
         "shorter\n[%]",
         "won : lost",
-        "p",
+        "its p",
         caption="shorter: in which share of flights, ties half, a failure loses against any "
-        "success; won, lost: fields on which only one of the two arrives; p: McNemar's exact test "
-        "of these, adjusted by Holm for all pairs",
+        "success; won, lost: fields on which only one of the two arrives; its p: McNemar's "
+        "exact test of these arrivals, adjusted by Holm for all pairs",
     )
     spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
     rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]

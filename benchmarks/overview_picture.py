@@ -106,7 +106,7 @@ def _horizon(axes: Axes, flight: Flight) -> None:
     _explain(
         axes,
         [
-            Line2D([], [], label="flown, segment by segment", color=SEGMENT, lw=1.8),
+            Line2D([], [], label="flown, segment by segment (blue, orange)", color=SEGMENT, lw=1.8),
             Line2D([], [], label=f"first guesses ({len(guesses)})", **thin),
             Line2D([], [], label="the window kept: its first segment is flown", **thick, **knots),
         ],
@@ -134,15 +134,20 @@ def _imagination(axes: Axes, flown: Flight) -> None:
     thin: dict[str, Any] = {"lw": 0.8, "alpha": 0.9}
     curves = _imagined(model, field, vehicle)
     axes.add_collection(
-        LineCollection(curves, colors=COLOURS[AGENT], zorder=3, **thin), autolim=False
+        LineCollection(curves, colors=drawing.HORIZON, zorder=3, **thin), autolim=False
     )
     axes.plot(*vehicle.position, "o", color="black", ms=4, zorder=6)
     _explain(
         axes,
         [
             Line2D([], [], label=f"rays, {len(ranges)}; discs nearby are seen too", color=RAYS),
-            Line2D([], [], label="flown, one answer of the network a segment", color=SEGMENT),
-            Line2D([], [], label="imagined; the shortest is flown", color=COLOURS[AGENT], **thin),
+            Line2D(
+                [],
+                [],
+                label="flown, an answer a segment (blue, orange)",
+                color=SEGMENT,
+            ),
+            Line2D([], [], label="imagined; the shortest is flown", color=drawing.HORIZON, **thin),
         ],
     )
 

@@ -22,8 +22,13 @@ import argparse
 from pathlib import Path
 
 import numpy as np
-from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecEnvWrapper
+
+try:
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecEnvWrapper
+except ImportError as error:
+    install = ".venv/bin/pip install --editable '.[agents]' --constraint constraints.txt"
+    raise SystemExit(f"own_agent.py needs {error.name}: {install}") from None
 
 from agents import networks, torch_models
 from agents.cards import Card

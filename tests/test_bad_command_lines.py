@@ -74,7 +74,7 @@ OF_PLANNERS = {
     "evaluate --policy guided --fields paper:1 --out /dev/null": "/dev/null is a file",
     "evalute": "invalid choice: 'evalute' (did you mean 'evaluate'?); choose from plan",
     "plan": "required: FIELD, --planner (see ferguson plan --help)",
-    "plan paper:1 --planner best": "unknown planner 'best'; planners are single-start",
+    "plan paper:1 --planner best": "'best' is an agent, which plans nothing; fly it by ferguson",
     f"{PLAN} --turn-radius x": "need a number of metres, got 'x'",
     f"{PLAN} --plot ''": "pictures are written as .png, .pdf, .svg",
     f"{PLAN} --plot empty": "pictures are written as .png, .pdf, .svg, not 'empty'",

@@ -324,3 +324,15 @@ def test_the_program_is_installed_and_runs() -> None:
     assert done.stdout.startswith("ferguson ")
     done = subprocess.run([PROGRAM, "plan", "--help"], capture_output=True, text=True, check=True)
     assert "  ferguson plan paper:2 --planner" in done.stdout
+
+
+def test_a_path_among_no_obstacles_is_told_without_odd_numbers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "empty.json"
+    path.write_text('{"centers": [], "radii": [], "goal": [50, 90]}')
+    assert main(["plan", str(path), "--planner", "shortest"]) == 0
+    told = capsys.readouterr().out
+    assert "no obstacles" in told
+    assert " 0.00 % above" in told
+    assert "-0.00" not in told

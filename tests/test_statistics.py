@@ -18,6 +18,7 @@ from agents.metrics import success_interval
 from agents.resampling import percentiles, resampled_means, resampled_quartile_means
 from agents.results import TIMING_COLUMNS
 from agents.statistics import (
+    caution,
     holm,
     improvement,
     interquartile_mean,
@@ -63,6 +64,13 @@ def test_holm_raises_the_least_chance_most_and_keeps_the_order() -> None:
     assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
     assert holm([0.5, 0.9]) == [1.0, 1.0]
     assert holm([]) == []
+
+
+def test_a_comparison_on_few_fields_warns_its_readers() -> None:
+    two = [{}, {}]
+    assert "so few fields (19)" in str(caution({"fields": 19, "policies": two}))
+    assert caution({"fields": 20, "policies": two}) is None
+    assert caution({"fields": 1, "policies": two[:1]}) is None  # compares nothing
 
 
 def test_in_a_comparison_a_failure_loses_and_ties_count_half() -> None:
