@@ -123,8 +123,8 @@ def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
             f"These flights do not tell it from {', '.join(doubtful)} (paired 95 % interval)."
         )
     if len(equal) + len(doubtful) < len(found["policies"]) - 1:
-        every = "every other policy" if not told else "all others"
-        told.append(f"{name} is ahead of {every} (paired 95 % intervals).")
+        ahead = f"{name} is ahead of all others" if told else "It is ahead of every other policy"
+        told.append(f"{ahead} (paired 95 % intervals).")
     return " ".join(told)
 
 

@@ -231,7 +231,7 @@ def test_policies_have_the_colours_that_they_have_in_the_picture() -> None:
         (
             {"a": {"x": [150.0], "y": [155.0]}, "b": {"x": [190.0], "y": [195.0]}},
             "2 policies on 2 fields",
-            "a is ahead of every other policy (paired 95 % intervals).",
+            "It is ahead of every other policy (paired 95 % intervals).",
         ),
         (
             {"a": {"x": [150, 160], "y": [160, 149.5]}, "b": {"x": [160, 150], "y": [150, 160]}},
