@@ -44,8 +44,10 @@ _COLOURS = (
     "#3b3b98",
     "#f4b000",
     "#444444",
+    "#f28cb1",
 )
-_MARKERS = "osD^vP<X>pd8"
+"""As many as planners in the catalog, none of them twice."""
+_MARKERS = "osD^vP<X>pd8*"
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from agents import planner_pictures
 from agents.command_line import main
 from agents.planner_bench import COLUMNS, statistics
 from agents.planner_pictures import LEAST_GAP, draw, median_progress
@@ -357,3 +358,8 @@ def test_what_was_finished_is_kept_when_a_planner_is_at_fault(
     with pytest.raises(TypeError, match="no such thing"):
         main([*BENCH, "--planner", "faulty", "--out", str(tmp_path / "out")])
     assert [row["field"] for row in rows(tmp_path / "out" / "planners.csv")] == ["sparse/train:0"]
+
+
+def test_every_planner_of_the_catalog_has_a_colour_and_a_marker_of_its_own() -> None:
+    for looks in (planner_pictures._COLOURS, planner_pictures._MARKERS):
+        assert len(set(looks)) == len(looks) >= len(PLANNERS)
