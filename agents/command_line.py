@@ -20,7 +20,7 @@ _EPILOG = """\
 examples:
   ferguson plan paper:2 --planner guided --plot flight.png
   ferguson evaluate --policy best --policy multi-start \\
-      --fields standard/validation:0-29 --out results/first
+      --fields standard/validation:0-29 --out results/thirty
   ferguson bench planners --help
 
 {grammar}."""

@@ -35,12 +35,12 @@ def evaluate(
     policies: Sequence[str],
     fields: Sequence[Source],
     seeds: Sequence[int],
-    directory: Path,
+    directory: str | Path,
     workers: int = 1,
 ) -> None:
     """As `run`, with processes on this machine."""
     request = Request(policies=policies, fields=fields, seeds=seeds)
-    run(request, directory, Backend(workers=workers))
+    run(request, Path(directory), Backend(workers=workers))
 
 
 def run(

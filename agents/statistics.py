@@ -54,13 +54,13 @@ HOW = {
 """What each statistic is and how it treats failures, for people."""
 
 
-def summarise(directory: Path, seed: int = 0) -> dict[str, Any]:
+def summarise(directory: str | Path, seed: int = 0) -> dict[str, Any]:
     """Statistics of a results directory, as `summary` has them.
 
     Raises:
         ValueError: as `agents.flight_table.read`.
     """
-    return summary(read(directory), seed)
+    return summary(read(Path(directory)), seed)
 
 
 def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:

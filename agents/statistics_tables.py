@@ -31,6 +31,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     yield policies(found)
     remarks = [
         *failures(found),
+        *without_gap(found),
         *filter(None, [caution(found)]),
         *(
             f"{one['policy']} is stopped by a clock: its flights do not repeat"
@@ -95,6 +96,16 @@ def failures(found: Mapping[str, Any]) -> Iterator[str]:
         if causes:
             told = ", ".join(f"{number} x {cause}" for cause, number in causes.items())
             yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {told}"
+
+
+def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence on flights that cannot have a gap, if there are any."""
+    flights = sum(one["flights"] - one["gap_flights"] for one in found["policies"])
+    if flights:
+        yield (
+            f"no shortest path is known for {_number(flights, 'flight')}: they have no part in "
+            "gaps, and count 0 in SPL"
+        )
 
 
 def against_the_best(found: Mapping[str, Any]) -> Table | None:

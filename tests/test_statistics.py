@@ -73,6 +73,13 @@ def test_a_comparison_on_few_fields_warns_its_readers() -> None:
     assert caution({"fields": 1, "policies": two[:1]}) is None  # compares nothing
 
 
+def test_flights_without_a_shortest_path_are_told() -> None:
+    known, unknown = {"flights": 4, "gap_flights": 4}, {"flights": 4, "gap_flights": 3}
+    assert not list(statistics_tables.without_gap({"policies": [known, known]}))
+    (told,) = statistics_tables.without_gap({"policies": [unknown, unknown]})
+    assert told.startswith("no shortest path is known for 2 flights: ")
+
+
 def test_in_a_comparison_a_failure_loses_and_ties_count_half() -> None:
     lost, unknown = math.inf, math.nan
     first = np.array([150.0, 150.0, 150.0, 150.0, lost, lost, unknown])
