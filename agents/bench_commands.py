@@ -33,7 +33,7 @@ HELP = "measure things side by side in one run"
 DESCRIPTION = "Measure things side by side in one run; their ratios hold where their times do not."
 EPILOG = """\
 examples:
-  ferguson bench planners --fields standard/validation:0-9 --out results/planners
+  ferguson bench planners --fields standard/validation:0-9 --out results/peers
   ferguson bench solvers --windows 50 --ipopt-every 0 --out results/solvers
   ferguson bench env --observation rays"""
 
