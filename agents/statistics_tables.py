@@ -69,8 +69,8 @@ def policies(found: Mapping[str, Any]) -> Table:
         "decision\n99 % [ms]",
         "flight\n[ms]",
         caption="SPL: mean of shortest / flown length, failures count 0; gap: flown beyond "
-        "shortest length, a failure's is infinite; decision: 99th percentile of times of all "
-        "decisions, the first of which is all there is to a path planned whole; flight: median",
+        "shortest length, a failure's is infinite; decision: 99th percentile, to which "
+        "the first counts, where whole paths are planned; flight: median",
     )
     for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
         table.add_row(
