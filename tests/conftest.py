@@ -1,9 +1,12 @@
 """Fixtures that several files of tests use."""
 
 import gc
+import importlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import settings
@@ -11,6 +14,7 @@ from hypothesis import settings
 from tests.fuzz.cases import LARGE
 from tests.waiting import until
 
+ROOT = Path(__file__).parent.parent
 settings.register_profile("large", max_examples=LARGE)  # `make fuzz`
 
 
@@ -31,3 +35,10 @@ def started() -> Iterator[Callable[[], list[threading.Thread]]]:
 def interrupts_are_heard() -> None:
     """Whoever starts tests in the background has them ignore Ctrl-C, and all that they start."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.fixture
+def benchmark(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], Any]:
+    """A script of benchmarks/ by its name, as a module."""
+    monkeypatch.syspath_prepend(ROOT / "benchmarks")
+    return importlib.import_module

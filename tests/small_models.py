@@ -55,3 +55,13 @@ def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
     directory.mkdir(parents=True, exist_ok=True)
     torch_models.save(directory, model, card)
     return directory
+
+
+def weights_of(directory: Path) -> list[torch.Tensor]:
+    """Of the policy that is saved there."""
+    return list(torch_models.load(directory).policy.state_dict().values())
+
+
+def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:
+    """Whether weights agree to the last bit."""
+    return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))

@@ -1,7 +1,9 @@
 """The pictures of learned agents are drawn from curves and flights, failures included."""
 
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import pytest
@@ -9,16 +11,12 @@ import pytest
 from ferguson_gym.catalog import one
 
 pytest.importorskip("stable_baselines3")
-ROOT = Path(__file__).parent.parent
 CURVE = "steps,minutes,success,spl,gap\n0,0.5,0.0,0.0,\n1000,1.5,1.0,0.98,0.01\n"
 
 
 @pytest.fixture
-def picture(monkeypatch: pytest.MonkeyPatch) -> object:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    import agents_picture
-
-    return agents_picture
+def picture(benchmark: Callable[[str], Any]) -> object:
+    return benchmark("agents_picture")
 
 
 def run(picture: object, monkeypatch: pytest.MonkeyPatch, *words: str) -> None:

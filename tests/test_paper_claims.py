@@ -1,6 +1,6 @@
 """The paper's claims are tested by variants that differ, and every row of the table is honest."""
 
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -9,15 +9,10 @@ from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one
 from planners.interface import depart
 
-ROOT = Path(__file__).parent.parent
-
 
 @pytest.fixture
-def claims(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    import paper_claims
-
-    return paper_claims
+def claims(benchmark: Callable[[str], Any]) -> Any:
+    return benchmark("paper_claims")
 
 
 def test_every_variant_flies_and_each_is_held_against_its_reference(claims: Any) -> None:

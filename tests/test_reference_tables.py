@@ -1,6 +1,7 @@
 """docs/results.md holds the tables of what evaluations came to, and nothing that was typed."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +11,8 @@ ROOT = Path(__file__).parent.parent
 
 
 @pytest.fixture
-def tables(monkeypatch: pytest.MonkeyPatch) -> Any:
-    monkeypatch.syspath_prepend(ROOT / "benchmarks")
-    import reference_tables
-
-    return reference_tables
+def tables(benchmark: Callable[[str], Any]) -> Any:
+    return benchmark("reference_tables")
 
 
 def test_the_page_holds_the_tables_of_what_is_kept(tables: Any) -> None:

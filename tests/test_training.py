@@ -13,10 +13,9 @@ import pytest
 pytest.importorskip("sb3_contrib")
 pytest.importorskip("yaml")
 
-import torch
 import yaml
 
-from agents import models, torch_models, training_checkpoint, training_demos
+from agents import models, training_checkpoint, training_demos
 from agents.batched import fly_batch, score
 from agents.command_line import main
 from agents.training import ALGORITHMS, Run
@@ -26,7 +25,7 @@ from agents.training_record import Record
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.catalog import select
 from tests.fuzz.test_files import unfinished_training
-from tests.small_models import saved
+from tests.small_models import same, saved, weights_of
 
 CHOSEN, REPORTED = "sparse/validation:0-4", "sparse/validation:5-9"
 TINY: dict[str, Any] = {
@@ -67,14 +66,6 @@ def command(tmp_path: Path) -> Command:
 def curve_of(directory: Path) -> list[dict[str, str]]:
     with (directory / "curve.csv").open() as file:
         return list(csv.DictReader(file))
-
-
-def weights_of(directory: Path) -> list[torch.Tensor]:
-    return list(torch_models.load(directory).policy.state_dict().values())
-
-
-def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 @pytest.mark.parametrize(

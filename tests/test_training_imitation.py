@@ -21,7 +21,7 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, torch_models, training_demos, visits
+from agents import models, training_demos, visits
 from agents.arguments import GOES_ON
 from agents.batched import fly_batch, score
 from agents.cloning import Cloner
@@ -33,7 +33,7 @@ from ferguson_gym.actions import encode
 from ferguson_gym.catalog import select
 from planners.interface import depart
 from planners.pursuit import Pursuit
-from tests.small_models import card_of, saved
+from tests.small_models import card_of, same, saved, weights_of
 from tests.waiting import until
 
 CHOSEN, REPORTED = "sparse/validation:0-2", "sparse/validation:3-5"
@@ -102,14 +102,6 @@ def curve_of(directory: Path) -> list[dict[str, str]]:
     """All but what a clock decides."""
     with (directory / "curve.csv").open() as file:
         return [{**row, "minutes": ""} for row in csv.DictReader(file)]
-
-
-def weights_of(directory: Path) -> list[torch.Tensor]:
-    return list(torch_models.load(directory).policy.state_dict().values())
-
-
-def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:
-    return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
 
 
 def test_dagger_leaves_a_model_its_card_and_its_curve(

@@ -10,6 +10,8 @@ from agents.results import FLIGHT_COLUMNS
 from ferguson_gym.arrays import Array
 
 EXACT = 140.0
+HOSTILE = '</script><script>alert("x")</script><!--<img src=x onerror=alert(1)>'
+STRANGE = "/*DATA*/ \u2028 ' \" & ünïcode"
 
 
 def write_results(
@@ -51,3 +53,16 @@ def chain(number: int, aside: float = 0.0) -> Array:
     derivatives = np.gradient(knots, axis=0)
     control = np.stack([knots[:-1], knots[1:], derivatives[:-1], derivatives[1:]], axis=1)
     return control[:number]
+
+
+def write_three(directory: Path) -> Path:
+    """Three policies on four fields: one never fails, one fails once, one always."""
+    names = [f"standard/train:{k}" for k in range(3)]
+    return write_results(
+        directory,
+        {
+            "sure": {**{name: [150.0] for name in names}, HOSTILE: [170.0]},
+            "once": {names[0]: [145.0], names[1]: [None], names[2]: [190.0], HOSTILE: [141.0]},
+            STRANGE: {**{name: [None] for name in names}, HOSTILE: [142.0]},
+        },
+    )
