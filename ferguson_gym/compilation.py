@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -27,42 +27,60 @@ T = TypeVar("T")
 
 PACKAGES = ("ferguson_gym", "planners", "agents")
 """Packages with compiled functions."""
-_IMPORT = re.compile(r"^\s*(?:from|import) .*", re.MULTILINE)
-_WORD = re.compile(r"\w+")
+_IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) )?import (\([^)]*\)|.*)", re.MULTILINE)
+_ALIAS = re.compile(r"[\w.]+(?: +as +\w+)?")
 
 
 def digest(root: Path) -> str:
     """Short digest of the source files below a directory that kernels can reach."""
     state = hashlib.sha256()
     for path in reachable(root):
-        state.update(path.name.encode())
+        state.update(path.relative_to(root).as_posix().encode())
         state.update(path.read_bytes())
     return state.hexdigest()[:12]
 
 
 def reachable(root: Path) -> list[Path]:
-    """Files with kernels, and all that they import, directly or not; none that matters less.
+    """Files with kernels, and all modules that they import, directly or not.
 
-    A line that imports is taken to name every file whose name is a word of it: rather one
-    too many.
+    A module is known by its dotted name, so that modules of the same file name in several folders
+    are told apart. A package's `__init__` counts where a name is imported from it.
     """
-    files = [path for package in PACKAGES for path in sorted((root / package).glob("*.py"))]
-    names = {path.stem for path in files}
-    imports = {}
-    for path in files:
-        lines = _IMPORT.findall(path.read_text(encoding="utf-8"))
-        imports[path] = names.intersection(_WORD.findall(" ".join(lines)))
+    files = {
+        _dotted(path.relative_to(root)): path
+        for package in PACKAGES
+        for path in sorted((root / package).rglob("*.py"))
+    }
+    imports = {
+        name: _imported(path.read_text(encoding="utf-8"), files.keys())
+        for name, path in files.items()
+    }
     wanted: set[str] = set()
-    more = {path.stem for path in files if "compilation" in imports[path]}
+    more = {name for name in files if __name__ in imports[name]}
     while more - wanted:
         wanted |= more
-        more = {name for path in files if path.stem in wanted for name in imports[path]}
-    return [path for path in files if path.stem in wanted]
+        more = {imported for name in wanted for imported in imports[name]}
+    return [path for name, path in files.items() if name in wanted]
+
+
+def _dotted(path: Path) -> str:
+    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
+
+
+def _imported(source: str, modules: Collection[str]) -> set[str]:
+    """Those of some modules that a source imports, or imports a name from."""
+    found: set[str] = set()
+    for module, names in _IMPORT.findall(source):
+        for alias in _ALIAS.findall(re.sub("#.*", "", names)):
+            name = alias.partition(" ")[0]
+            full = f"{module}.{name}" if module else name
+            found.add(full if full in modules else module)
+    return found.intersection(modules)
 
 
 @cache
 def _digest() -> str:
-    return digest(Path(__file__).parent.parent)
+    return digest(Path(__file__).parents[__name__.count(".")])
 
 
 def compiled(function: F) -> F:

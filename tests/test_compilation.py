@@ -12,36 +12,50 @@ from ferguson_gym import segments
 from ferguson_gym.compilation import PACKAGES, digest, reachable
 
 ROOT = Path(__file__).parent.parent
+COMPILED = reachable.__module__
+COMPILER = f"{COMPILED.replace('.', '/')}.py"
+
+
+def sources(root: Path) -> list[Path]:
+    """Of the packages, without the files that make folders packages."""
+    return [
+        path
+        for package in PACKAGES
+        for path in (root / package).rglob("*.py")
+        if path.name != "__init__.py"
+    ]
 
 
 @pytest.fixture
 def copy(tmp_path: Path) -> Path:
     for package in PACKAGES:
-        (tmp_path / package).mkdir()
-        for path in (ROOT / package).glob("*.py"):
-            shutil.copy(path, tmp_path / package)
+        for path in (ROOT / package).rglob("*.py"):
+            place = tmp_path / path.relative_to(ROOT)
+            place.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy(path, place)
     return tmp_path
 
 
 def test_every_file_that_kernels_reach_is_watched_since_they_take_constants(copy: Path) -> None:
-    before, watched = digest(copy), {path.name for path in reachable(copy)}
-    for package in PACKAGES:
-        for path in (copy / package).glob("*.py"):
-            source = path.read_text()
-            path.write_text(f"{source}\n# a change\n")
-            assert (digest(copy) != before) == (path.name in watched), path.name
-            path.write_text(source)
+    before, watched = digest(copy), set(reachable(copy))
+    for path in sources(copy):
+        source = path.read_text()
+        path.write_text(f"{source}\n# a change\n")
+        assert (digest(copy) != before) == (path in watched), path
+        path.write_text(source)
     assert digest(copy) == before
 
 
 def test_what_a_file_with_kernels_imports_is_reached(copy: Path) -> None:
     """Asked of Python itself: what importing the files with kernels loads."""
     with_kernels = [
-        f"{path.parent.name}.{path.stem}"
-        for package in PACKAGES
-        for path in (copy / package).glob("*.py")
+        ".".join(path.relative_to(copy).with_suffix("").parts)
+        for path in sources(copy)
         if "@compiled" in path.read_text()
     ]
+    # a package's own file would import modules that kernels do not reach through it
+    for path in copy.rglob("__init__.py"):
+        path.write_text("")
     loaded = subprocess.run(
         [
             sys.executable,
@@ -54,12 +68,44 @@ def test_what_a_file_with_kernels_imports_is_reached(copy: Path) -> None:
         text=True,
         check=True,
     ).stdout.split()
-    needed = {
-        name.split(".")[1] + ".py"
-        for name in loaded
-        if name.startswith(tuple(f"{package}." for package in PACKAGES))
-    }
-    assert needed <= {path.name for path in reachable(copy)}
+    modules = {copy / f"{name.replace('.', '/')}.py" for name in loaded}
+    assert len(modules & set(sources(copy))) > len(with_kernels)
+    assert modules & set(sources(copy)) <= set(reachable(copy))
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> Path:
+    """A tree with nothing but the compiler."""
+    (tmp_path / COMPILER).parent.mkdir(parents=True)
+    (tmp_path / COMPILER).touch()
+    return tmp_path
+
+
+def reached(root: Path) -> set[str]:
+    return {path.relative_to(root).as_posix() for path in reachable(root)} - {COMPILER}
+
+
+def test_a_name_that_a_package_exports_leads_to_the_module_that_defines_it(small: Path) -> None:
+    room = small / "planners" / "room"
+    room.mkdir(parents=True)
+    (room / "__init__.py").write_text("from planners.room.inner import (\n    thing as thing,\n)\n")
+    (room / "inner.py").write_text("thing = 1\n")
+    (room / "apart.py").write_text("other = 1\n")
+    (small / "planners" / "kernels.py").write_text(
+        f"from {COMPILED} import compiled\nfrom planners.room import thing  # one\n"
+    )
+    names = {"planners/kernels.py", "planners/room/__init__.py", "planners/room/inner.py"}
+    assert reached(small) == names
+
+
+def test_modules_of_one_name_in_two_folders_are_told_apart(small: Path) -> None:
+    for folder in ("planners/near", "planners/far"):
+        (small / folder).mkdir(parents=True)
+        (small / folder / "same.py").write_text("value = 1\n")
+    (small / "planners" / "kernels.py").write_text(
+        f"from {COMPILED} import compiled\nfrom planners.near import same\n"
+    )
+    assert reached(small) == {"planners/kernels.py", "planners/near/same.py"}
 
 
 def test_what_no_kernel_reaches_costs_no_compilation(copy: Path) -> None:
@@ -70,9 +116,10 @@ def test_what_no_kernel_reaches_costs_no_compilation(copy: Path) -> None:
 
 def test_packages_are_those_with_kernels() -> None:
     having = {
-        path.parent.name
-        for path in ROOT.glob("*/*.py")
-        if "@compiled" in path.read_text() and path.parent.name != "tests"
+        path.relative_to(ROOT).parts[0]
+        for path in ROOT.rglob("*.py")
+        if not path.relative_to(ROOT).parts[0].startswith((".", "tests"))
+        and "@compiled" in path.read_text()
     }
     assert having == set(PACKAGES)
 
