@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.arguments import DONE, Job, add_manners, seed
+from agents.arguments import DONE, add_manners, seed
 from agents.completion import FILE, ONE_FIELD, PLANNER, completes
+from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.catalog import one
 from ferguson_gym.flight import depart

@@ -8,7 +8,7 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NoReturn
@@ -18,8 +18,6 @@ from ferguson_gym.files import unwritable
 from ferguson_gym.spelling import meant
 from ferguson_gym.suites import LAST_SEED
 
-Job = Callable[[], int]
-"""Work whose input was checked; returns the exit status."""
 DONE, BAD_INPUT = 0, 2
 _LONG = 400
 """Characters of a message that are shown at its beginning, and at its end."""

@@ -1,6 +1,6 @@
 """Learned policies through many fields at once, each flight as if it were alone.
 
-A network's answer to a row does not depend on the rows beside it (`agents.models.Network`), so
+A network's answer to a row does not depend on the rows beside it (`agents.model.Network`), so
 flights are the same, to the last bit, however many are in the air.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from agents.metrics import path_share, success_interval
-from agents.models import Model
+from agents.model import Model
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.outcome import Outcome

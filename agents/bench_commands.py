@@ -6,7 +6,6 @@ import argparse
 
 from agents.arguments import (
     DONE,
-    Job,
     add_manners,
     check_directory,
     check_number,
@@ -19,6 +18,7 @@ from agents.arguments import (
     workers,
 )
 from agents.completion import DIRECTORY, FIELDS, PLANNER, completes
+from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.catalog import select
 from ferguson_gym.flight import depart

@@ -12,8 +12,8 @@ from typing import Any
 
 from ferguson_gym import ENVIRONMENT_ID, __version__
 from ferguson_gym.files import written_whole
-from ferguson_gym.interface import settings_of
 from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.settings import settings_of
 
 CARD = "model.json"
 ENVIRONMENT_VERSION = f"{ENVIRONMENT_ID} {__version__}"

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ferguson_gym
-from agents.policies import Policy
+from agents.policy_interface import Policy
 from ferguson_gym import flight
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
+from ferguson_gym.batch import INFOS
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import INFOS
 from ferguson_gym.observations import Observation
 from ferguson_gym.outcome import Outcome
 

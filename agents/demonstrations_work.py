@@ -21,10 +21,11 @@ from joblib import delayed
 import ferguson_gym
 from agents.demonstrations_episodes import Episode, make_environment, pack, record, unpack
 from agents.interruptions import put_off
+from agents.kernels import compile_kernels
 from agents.machine import commit, facts
-from agents.policies import Policy, make_policy
+from agents.policies import make_policy
+from agents.policy_interface import Policy
 from agents.stored_arrays import read_arrays
-from agents.warm_up import compile_kernels
 from agents.worker_processes import GOES_ON, spread
 from ferguson_gym.actions import Action
 from ferguson_gym.catalog import family

@@ -6,8 +6,9 @@ import argparse
 import json
 import sys
 
-from agents.arguments import DONE, GOES_ON, Job, add_manners, check_number, positive, workers
+from agents.arguments import DONE, GOES_ON, add_manners, check_number, positive, workers
 from agents.completion import FIELDS, PLANNER, completes
+from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.observations import KINDS
 from planners.catalog import OPTIONS, PLANNERS

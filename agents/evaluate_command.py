@@ -9,7 +9,6 @@ from agents import shelf
 from agents.arguments import (
     DONE,
     GOES_ON,
-    Job,
     add_manners,
     check_directory,
     check_number,
@@ -20,6 +19,7 @@ from agents.arguments import (
     workers,
 )
 from agents.completion import DIRECTORY, FIELDS, POLICY, completes
+from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym import catalog
 from ferguson_gym.fields import Field

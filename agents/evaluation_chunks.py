@@ -18,9 +18,9 @@ import numpy as np
 from agents import provenance, records
 from agents.evaluation_request import Chunk, Request, Source, field_of, is_batched
 from agents.flights import Flight, fly_by_name
+from agents.kernels import compile_kernels, small_field
 from agents.policies import plain_agent
 from agents.records import Pack, Record, Trace, record_of, trace_of
-from agents.warm_up import compile_kernels, small_field
 
 PANELS = 4
 """Fields drawn in a policy's picture, the first ones."""

@@ -8,16 +8,17 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from agents.hands import Hand
+from agents.kernels import compile_kernels
 from agents.metrics import path_share
-from agents.policies import Policy, make_policy
-from agents.warm_up import compile_kernels, warm_policy
+from agents.policies import make_policy
+from agents.policy_interface import Policy
+from agents.warm_up import warm_policy
 from ferguson_gym.arrays import Array
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
-from planners.interface import Decision
-from planners.routes import Route
+from planners.interface import Decision, Route
 from planners.shortest import exact_length, gap
 
 

@@ -21,7 +21,7 @@ _Layer: TypeAlias = tuple[Single, Single]
 
 
 class Forward:
-    """An actor as numbers (`agents.models.Network`); it does what it thinks best.
+    """An actor as numbers (`agents.model.Network`); it does what it thinks best.
 
     Args:
         architecture: what it is made of.

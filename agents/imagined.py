@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
-from ferguson_gym.bank import Bank, planar_discs
+from ferguson_gym.bank import Bank
 from ferguson_gym.crew import new_counters
-from ferguson_gym.fields import Field
+from ferguson_gym.fields import Field, planar_discs
 from ferguson_gym.flight import State
 from ferguson_gym.observations import Observation, entries_of
 from ferguson_gym.outcome import Outcome

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.imagined import Imagined
-from agents.models import Model
+from agents.model import Model
 from agents.pilots import Pilot
 from ferguson_gym import flight
 from ferguson_gym.actions import Action

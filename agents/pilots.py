@@ -6,8 +6,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from agents import cards, models
-from agents.models import Model
-from agents.warm_up import small_field
+from agents.kernels import small_field
+from agents.model import MODEL, Model
 from ferguson_gym import flight
 from ferguson_gym.actions import Action
 from ferguson_gym.fields import Field
@@ -16,7 +16,7 @@ from ferguson_gym.observing import observe
 
 
 class Pilot:
-    """A model as a policy (`agents.policies.Policy`); it flies what it thinks best.
+    """A model as a policy (`agents.policy_interface.Policy`); it flies what it thinks best.
 
     It sees what it was trained to see, whatever the environment shows, and flies the very
     flights that `agents.batched.fly_batch` does. A model of torch keeps it to one thread for good.
@@ -42,7 +42,7 @@ def pilot(directory: Path) -> Pilot:
     Raises:
         ValueError: as `agents.models.load`.
     """
-    files = [directory / name for name in (models.MODEL, cards.CARD)]
+    files = [directory / name for name in (MODEL, cards.CARD)]
     return Pilot(_ready(directory.resolve(), *(_stamp(file) for file in files)))
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.arguments import DONE, Job, add_manners, metres, seed
+from agents.arguments import DONE, add_manners, metres, seed
 from agents.completion import FILE, ONE_FIELD, PLANNER, POLICY, completes
 from agents.interruptions import put_off
+from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.catalog import one
 from ferguson_gym.flight import depart

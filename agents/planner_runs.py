@@ -19,8 +19,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.paths import Path
 from ferguson_gym.turning import bending_energy, fastest_turn
-from planners.interface import Plan, Status, depart
-from planners.routes import Route
+from planners.interface import Plan, Route, Status, depart
 from planners.shortest import exact_length, gap
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")

@@ -17,8 +17,7 @@ from agents.pictures import draw_flights
 from ferguson_gym.feasibility import inspect
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
-from planners.interface import Plan, Planner, depart
-from planners.routes import Route
+from planners.interface import Plan, Planner, Route, depart
 from planners.shortest import gap
 
 

@@ -2,97 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 from agents import shelf
+from agents.planner_policies import Tracking, expert
+from agents.policy_interface import Policy
 from agents.proposals import Proposals
 from agents.shield import Shield
-from ferguson_gym import flight
-from ferguson_gym.actions import Action, encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
 from ferguson_gym.spelling import meant
 from planners.catalog import PLANNERS, make, starting_from
-from planners.interface import Decision, Plan, Planner, Replanner, State
-from planners.rollout import successor
-from planners.routes import Route
-
-
-class Policy(Protocol):
-    """Chooses actions in one flight at a time."""
-
-    def begin(self, field: Field, seed: int) -> None:
-        """Start a flight through a field."""
-
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
-        """The next action, or None if the policy gives up."""
-
-
-class Expert(Policy, Protocol):
-    """A planner as a policy; it keeps what it decided for whoever looks on."""
-
-    decisions: list[Decision]
-    """Decisions of this flight so far."""
-    route: Route | None
-    """Where its plan came from, if it plans the whole path at once and has planned."""
-
-
-class Replanning:
-    """A planner that decides anew at each step, from the state that was flown."""
-
-    route: Route | None = None
-
-    def __init__(self, planner: Replanner) -> None:
-        self._planner = planner
-        self.decisions: list[Decision] = []
-
-    def begin(self, field: Field, seed: int) -> None:
-        """Start a flight through a field."""
-        self._field, self._seed = field, seed
-        self._last: tuple[State, Array] | None = None
-        self.decisions = []
-
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
-        """The action that flies the first segment of the planner's decision."""
-        state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
-        decision = self._planner.decide(self._field, state, self._seed)
-        self.decisions.append(decision)
-        if decision.chain is None:
-            return None
-        self._last = state, decision.chain
-        return encode(decision.chain[0], vehicle.position, vehicle.derivative)
-
-
-class Tracking:
-    """A planner that plans once, and whose plan is then followed segment by segment."""
-
-    def __init__(self, planner: Planner) -> None:
-        self._planner = planner
-        self.decisions: list[Decision] = []
-        self.route: Route | None = None
-
-    def begin(self, field: Field, seed: int) -> None:
-        """Start a flight through a field."""
-        self._field, self._seed = field, seed
-        self._plan: Plan | None = None
-        self.decisions, self.route = [], None
-
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
-        """The action that flies the plan's next segment; plans at the first call."""
-        if self._plan is None:
-            self._first = vehicle.segments
-            self._plan = self._planner.plan(self._field, State(vehicle), self._seed)
-            self.decisions, self.route = list(self._plan.decisions), self._plan.route
-        step = vehicle.segments - self._first
-        if step >= len(self._plan.control):
-            return None
-        return encode(self._plan.control[step], vehicle.position, vehicle.derivative)
-
-
-def expert(planner: Planner) -> Expert:
-    """A planner as a policy: replanning where it decides step by step, else tracking."""
-    return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)
+from planners.interface import Planner
 
 
 def is_planner(name: str) -> bool:

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from agents.policy_interface import Policy
 from ferguson_gym import flight
 from ferguson_gym.actions import decode
 from ferguson_gym.arrays import Array
@@ -13,9 +12,6 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.observing import observe_one
 from ferguson_gym.settings import Settings
-
-if TYPE_CHECKING:  # planners with proposals are policies too
-    from agents.policies import Policy
 
 _SEEN = Settings()
 """The environment's own, in which policies are flown."""

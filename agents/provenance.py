@@ -15,7 +15,7 @@ from agents import machine, shelf
 from agents.policies import FROM, SHIELDED, is_planner, make_planner, plain_agent
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from planners.budget import Seconds
+from planners.interface import Seconds
 
 LIBRARIES = (
     "ferguson-gym",

@@ -11,13 +11,14 @@ from pathlib import Path
 
 from agents import models
 from agents.cards import CARD
+from agents.model import MODEL
 from planners.extras import installing
 
 SHIPPED = Path(__file__).parent / "shipped"
 """A directory with `model.zip` and `model.json` for each shipped agent."""
 BEST = "best"
 """Another name for the best of them; `best.json` there says which it is, options included."""
-_FILES = (models.MODEL, CARD)
+_FILES = (MODEL, CARD)
 
 
 def shipped() -> dict[str, Path]:

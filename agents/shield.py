@@ -22,11 +22,11 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from agents.hands import Hand
+from agents.policy_interface import Policy
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
@@ -39,9 +39,6 @@ from planners.distance import distance_to_go
 from planners.guided import Guided
 from planners.interface import Decision, Replanner, State, WindowReport
 from planners.rollout import successor
-
-if TYPE_CHECKING:  # policies are made there, shielded ones too
-    from agents.policies import Policy
 
 PATIENCE = 3
 """Segments of the agent's, in one flight, that need not lead nearer to the goal than it was."""

@@ -24,7 +24,8 @@ from ferguson_gym import drawing
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.files import written_whole
-from planners.exchange import ByExchange, Certified, WindowSolver
+from planners.certification import Certified, WindowSolver
+from planners.exchange import ByExchange
 from planners.interface import depart
 from planners.ipopt import Ipopt
 from planners.multi_start import MultiStart

@@ -21,11 +21,12 @@ from agents.activations import Single
 from agents.architecture import architecture_of
 from agents.cards import CARD, Card, read_card, write_card
 from agents.forward import Forward
-from agents.models import MODEL, Model, Network, directory_of
+from agents.model import MODEL, Model, Network, directory_of
 from ferguson_gym.actions import Action
 from ferguson_gym.files import written_whole
-from ferguson_gym.interface import action_space, observation_space, settings_of
+from ferguson_gym.interface import action_space, observation_space
 from ferguson_gym.observations import Observation
+from ferguson_gym.settings import settings_of
 
 BLOCK = 16
 """Rows that a network is asked about at a time."""
@@ -208,7 +209,7 @@ def one_thread() -> Iterator[None]:
 
 
 class TorchNetwork:
-    """A policy of torch as a `agents.models.Network`.
+    """A policy of torch as a `agents.model.Network`.
 
     A matrix product of another number of rows may differ in its last bit, and a flight with it. So
     the policy is always asked about `BLOCK` rows, the last ones empty if need be, by one thread:

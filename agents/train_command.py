@@ -8,7 +8,6 @@ from agents import shelf, training
 from agents.arguments import (
     DONE,
     GOES_ON,
-    Job,
     add_manners,
     check_directory,
     check_number,
@@ -19,6 +18,7 @@ from agents.arguments import (
     workers,
 )
 from agents.completion import DIRECTORY, FIELDS, FILE, MODEL, completes
+from agents.jobs import Job
 from agents.terminal import Terminal
 from agents.training import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
 from agents.training_recipe import read

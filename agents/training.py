@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from agents.arguments import Job
+from agents.jobs import Job
 from agents.terminal import Terminal
 from agents.training_recipe import Recipe
 from ferguson_gym.files import written_whole

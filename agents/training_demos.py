@@ -15,9 +15,10 @@ from agents.lessons import COLUMNS, row
 from ferguson_gym import flight
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array
+from ferguson_gym.catalog import as_field
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import as_field, settings_of
 from ferguson_gym.observations import Observation
+from ferguson_gym.settings import settings_of
 from ferguson_gym.vector_environment import VectorObstacleField
 
 _TOGETHER = 256

@@ -27,9 +27,10 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch.utils.tensorboard import SummaryWriter
 
 from agents import networks, training, training_demos
-from agents.arguments import DONE, Job
+from agents.arguments import DONE
 from agents.cards import Card
 from agents.cloning import Cloner
+from agents.jobs import Job
 from agents.lessons import Lessons
 from agents.torch_models import Learned
 from agents.training import Run
@@ -42,7 +43,7 @@ from agents.visits import Visit, Visited, under_way
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import select
 from ferguson_gym.files import written_whole
-from ferguson_gym.interface import settings_of
+from ferguson_gym.settings import settings_of
 from planners.catalog import make
 from planners.interface import Replanner
 

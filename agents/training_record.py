@@ -15,6 +15,7 @@ from agents import machine, models, torch_models
 from agents.batched import Score, fly_batch, score
 from agents.cards import CARD, Card, read_card, write_card
 from agents.interruptions import put_off
+from agents.model import MODEL
 from agents.results import write_csv
 from agents.torch_models import Learned
 from agents.training import Run
@@ -112,8 +113,8 @@ class Record:
         results = {**best.card.results, "reported_on": _told(self._run.reported_on, found)}
         card = dataclasses.replace(best.card, curve=self.curve, results=results)
         directory = self._run.directory
-        with written_whole(directory / models.MODEL) as temporary:
-            shutil.copyfile(self._best / models.MODEL, temporary)
+        with written_whole(directory / MODEL) as temporary:
+            shutil.copyfile(self._best / MODEL, temporary)
         write_card(directory, card)
         gap = "no gap" if found.gap is None else f"median gap {found.gap:.2%}"
         terminal = self._run.terminal

@@ -20,8 +20,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import networks, torch_models, training, training_checkpoint, training_demos
 from agents.architecture import ON_POLICY
-from agents.arguments import DONE, Job
+from agents.arguments import DONE
 from agents.cards import Card, check_environment
+from agents.jobs import Job
 from agents.torch_models import Learned
 from agents.training import Run
 from agents.training_pace import Falling, Pace, Stop, stop_on_interrupt

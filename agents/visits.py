@@ -23,16 +23,16 @@ from torch import Tensor
 from agents import torch_models
 from agents.cards import Card, card_from
 from agents.lessons import COLUMNS, row
-from agents.models import Network
+from agents.model import Network
 from agents.torch_models import Learned
 from agents.worker_processes import deaths_told
 from ferguson_gym import flight
 from ferguson_gym.actions import Action, encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import settings_of
 from ferguson_gym.observing import observe_one
 from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import settings_of
 from planners.catalog import make
 from planners.distance import distance_to_go
 from planners.interface import Replanner, State

@@ -4,37 +4,14 @@ from __future__ import annotations
 
 from functools import cache
 
-import numpy as np
-
+from agents.kernels import small_field
 from agents.policies import SHIELDED, make_planner
-from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
 from planners.catalog import PLANNERS
 from planners.interface import Planner, depart
-from planners.shortest import exact_length
 from planners.whole_path import with_seconds
 
 _SECONDS = 0.2
 """That a planner with a budget searches before its clock counts."""
-
-
-@cache
-def small_field() -> Field:
-    """Two discs, and a goal beyond the first window, so that one of each kind is planned."""
-    discs = Discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
-    return Field(name="two discs", obstacles=discs, goal=np.array([40.0, 40.0]))
-
-
-@cache
-def compile_kernels() -> None:
-    """Compile, or load from the cache, what every flight needs whoever flies it; once."""
-    field = small_field()
-    env = ObstacleField(fields=1)
-    env.reset(seed=0, options={"field": field})
-    env.step(np.zeros(4, np.float32))
-    exact_length(field)
-    field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
 
 
 def warm_policy(name: str) -> None:

@@ -25,7 +25,9 @@ from agents.batched import fly_batch
 from agents.evaluation_request import is_batched
 from agents.flights import fly
 from agents.pilots import pilot
-from agents.policies import Policy, expert, make_policy
+from agents.planner_policies import expert
+from agents.policies import make_policy
+from agents.policy_interface import Policy
 from agents.terminal import Terminal
 from agents.warm_up import warm_policy
 from ferguson_gym.catalog import select

@@ -24,6 +24,7 @@ from agents import models, shelf
 from agents.flights import Flight, fly_by_name
 from agents.imagined import Imagined
 from agents.imagining import LASTING, SPREAD
+from agents.model import Model
 from agents.policies import plain_agent
 from ferguson_gym import drawing, flight
 from ferguson_gym.actions import decode
@@ -152,7 +153,7 @@ def _imagination(axes: Axes, flown: Flight) -> None:
     )
 
 
-def _imagined(model: models.Model, field: Field, vehicle: flight.State) -> list[Array]:
+def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
     """Flights from a state on, as `agents.imagining` imagines them, as points."""
     flights = Imagined(field, vehicle, TRIES, model.settings)
     states = [(vehicle.position, vehicle.derivative)] * TRIES

@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 
 from ferguson_gym import flight
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from planners.exchange import ByExchange, WindowSolver
+from planners.certification import WindowSolver
+from planners.exchange import ByExchange
 from planners.interface import Planner
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon

@@ -24,7 +24,7 @@ from agents.solver_bench import Task, take_windows
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import select
 from planners import sqp
-from planners.exchange import Certified
+from planners.certification import Certified
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon
 from planners.sqp import ElasticSqp

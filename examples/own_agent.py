@@ -33,7 +33,8 @@ except ImportError as error:
 from agents import networks, torch_models
 from agents.cards import Card
 from agents.flights import fly
-from agents.policies import Policy, make_policy
+from agents.policies import make_policy
+from agents.policy_interface import Policy
 from agents.vec_env import ObstacleFieldVecEnv
 from ferguson_gym import flight
 from ferguson_gym.actions import encode

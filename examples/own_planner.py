@@ -19,7 +19,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.flights import Flight, fly
-from agents.policies import Policy, expert, make_policy
+from agents.planner_policies import expert
+from agents.policies import make_policy
+from agents.policy_interface import Policy
 from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import select
 from ferguson_gym.feasibility import is_feasible

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
+from ferguson_gym.fields import Field, planar_discs
 from ferguson_gym.obstacles import Discs
 
 PLACE = np.dtype(
@@ -32,21 +32,6 @@ class World(NamedTuple):
     """(slots,) of PLACE."""
     discs: Array
     """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
-
-
-def planar_discs(field: Field) -> Discs:
-    """The obstacles of a field, which environments show and step through.
-
-    Raises:
-        TypeError: obstacles other than discs.
-        ValueError: a field that is not planar.
-    """
-    discs = field.obstacles
-    if not isinstance(discs, Discs):
-        raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
-    if discs.dimension != 2:
-        raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
-    return discs
 
 
 class Bank:

@@ -46,6 +46,9 @@ LINE = 64
 """Bytes of memory that come at once."""
 
 
+INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
+"""Keys of `info`."""
+
 FLIGHT = np.dtype(
     [
         ("slot", np.int64),

@@ -110,3 +110,17 @@ def one(spec: str) -> Field:
     if next(fields, None) is not None:
         raise ValueError(f"{shortened(spec)} names more than one field")
     return field
+
+
+def as_field(given: object) -> Field:
+    """A field, by value or by name.
+
+    Raises:
+        ValueError: neither, or an unknown name.
+    """
+    field = one(given) if isinstance(given, str) else given
+    if not isinstance(field, Field):
+        raise ValueError(
+            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
+        )
+    return field

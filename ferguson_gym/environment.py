@@ -11,21 +11,21 @@ from numpy.typing import NDArray
 from ferguson_gym import batch
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import Array, shortened
+from ferguson_gym.batch import INFOS
+from ferguson_gym.catalog import as_field
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import NOT_STARTED, Fleet
 from ferguson_gym.flight import State
 from ferguson_gym.interface import (
-    INFOS,
     action_space,
     as_actions,
-    as_field,
     as_seed,
     known_options,
     observation_space,
-    settings_of,
 )
 from ferguson_gym.observations import Observation, entries_of
 from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import settings_of
 
 RENDER_MODES = ("human", "rgb_array")
 

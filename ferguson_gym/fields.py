@@ -160,3 +160,18 @@ def to_json(field: Field, path: str | os.PathLike[str]) -> None:
     }
     with written_whole(path) as temporary:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def planar_discs(field: Field) -> Discs:
+    """The obstacles of a field, which environments show and step through.
+
+    Raises:
+        TypeError: obstacles other than discs.
+        ValueError: a field that is not planar.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs):
+        raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
+    if discs.dimension != 2:
+        raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
+    return discs

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any, cast
 
@@ -12,14 +11,9 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.actions import Action
 from ferguson_gym.arrays import real, shortened
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
 from ferguson_gym.observations import Observation
 from ferguson_gym.settings import Settings
 from ferguson_gym.suites import LAST_SEED
-
-INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
-"""Keys of `info`."""
 
 
 def action_space() -> spaces.Space[Action]:
@@ -35,19 +29,6 @@ def observation_space(settings: Settings) -> spaces.Space[Observation]:
         for key, size in settings.layout.entries().items()
     }
     return cast("spaces.Space[Observation]", spaces.Dict(boxes))
-
-
-def settings_of(arguments: dict[str, Any]) -> Settings:
-    """The settings that an environment's arguments mean.
-
-    Raises:
-        TypeError: an unknown argument.
-        ValueError: as `Settings`.
-    """
-    known = [field.name for field in dataclasses.fields(Settings)]
-    if unknown := sorted(set(arguments) - set(known)):
-        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
-    return Settings(**arguments)
 
 
 def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
@@ -92,17 +73,3 @@ def known_options(options: object, *names: str) -> Mapping[str, Any]:
     if unknown := set(options) - set(names):
         raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")
     return options
-
-
-def as_field(given: object) -> Field:
-    """A field, by value or by name.
-
-    Raises:
-        ValueError: neither, or an unknown name.
-    """
-    field = one(given) if isinstance(given, str) else given
-    if not isinstance(field, Field):
-        raise ValueError(
-            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
-        )
-    return field

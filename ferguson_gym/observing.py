@@ -7,8 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.bank import planar_discs
-from ferguson_gym.fields import Field
+from ferguson_gym.fields import Field, planar_discs
 from ferguson_gym.flight import State
 from ferguson_gym.observations import Layout, Observation, entries_of, look
 from ferguson_gym.settings import Settings

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
+from typing import Any
 
 from ferguson_gym.arrays import finite, shortened
 from ferguson_gym.fields import Field
@@ -152,3 +154,16 @@ class Settings:
         if self.radii is not None:
             name += f", radii {self.radii[0]:g} to {self.radii[1]:g} m"
         return Field(name=name, obstacles=self.discs(seed))
+
+
+def settings_of(arguments: dict[str, Any]) -> Settings:
+    """The settings that an environment's arguments mean.
+
+    Raises:
+        TypeError: an unknown argument.
+        ValueError: as `Settings`.
+    """
+    known = [field.name for field in dataclasses.fields(Settings)]
+    if unknown := sorted(set(arguments) - set(known)):
+        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
+    return Settings(**arguments)

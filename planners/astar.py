@@ -21,8 +21,8 @@ import numpy as np
 from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
+from planners.interface import Route
 from planners.lines import lines_clear, scene_from
-from planners.routes import Route
 from planners.shortcut import shortcut
 from planners.tangents import Integers
 

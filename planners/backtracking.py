@@ -26,14 +26,13 @@ from ferguson_gym.fields import Field
 from ferguson_gym.flight import follow
 from ferguson_gym.limits import Limits
 from ferguson_gym.splines import evaluate
-from planners.exchange import WindowSolver
-from planners.fit import ASIDE, SETTINGS
+from planners.certification import WindowSolver
 from planners.interface import Decision, Plan, Replanner, State
 from planners.multi_start import MultiStart, beside
 from planners.objectives import HorizonObjective
 from planners.rollout import roll_out
 from planners.starts import along
-from planners.window import Window, WindowSettings, horizon_window
+from planners.window import ASIDE, SETTINGS, Window, WindowSettings, horizon_window
 
 _SAMPLES = np.linspace(1.0, 0.0, 33)
 """Parameters of points on a segment that is flown back along."""

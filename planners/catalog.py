@@ -8,17 +8,16 @@ from dataclasses import replace
 from ferguson_gym.spelling import meant
 from planners.astar import AStar
 from planners.backtracking import Backtracking
-from planners.budget import Iterations
+from planners.exact import Exact
 from planners.extras import require
 from planners.guided import Guided
-from planners.interface import Planner, Replanner
+from planners.interface import Iterations, Planner, Replanner
 from planners.margin import Margin
 from planners.multi_start import MultiStart
 from planners.ompl_router import Ompl
 from planners.pursuit import Pursuit
 from planners.receding_horizon import RecedingHorizon
 from planners.sensing import Sensing
-from planners.shortest import Exact
 from planners.starts import Proposer
 from planners.swarm import bees, particles
 from planners.voronoi import VoronoiEdges

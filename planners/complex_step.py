@@ -14,8 +14,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ferguson_gym.arrays import Array, GenericArray
+from planners.certification import Solution
+from planners.exchange import Solver
 from planners.problem import Programme
-from planners.solvers import Solution, Solver
 
 STEP = 1e-30
 

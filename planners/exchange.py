@@ -18,75 +18,24 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ferguson_gym.arc_length import length
 from ferguson_gym.arrays import Array
 from ferguson_gym.clearance import least_speed
-from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from ferguson_gym.splines import basis, extent
-from ferguson_gym.turn_radius import keeps_turn_radius
+from planners.certification import AIM, Certified, Solution, certify
 from planners.constraints import ClearanceAt, Constraint, InsideAt, LengthBounds, SpeedAt
+from planners.problem import Programme
 from planners.quadrature import lengths
-from planners.solvers import Slsqp, Solution, Solver
+from planners.solvers import Slsqp
 from planners.window import Window
 
-AIM = 1e-6
-"""Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
 ROUNDS = 12
 """Most solves of one window."""
 HOPELESS = 1e-3
 """A solver that leaves its own rows broken by more [m] is not helped by further rows."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Certified:
-    """The end of a solve with exchange."""
-
-    solution: Solution
-    """Where the solver stopped last."""
-    control: Array
-    """Segments (n, 4, D) there."""
-    feasible: bool
-    """Whether every segment is certified feasible to `AIM`."""
-    evaluations: int
-    """Evaluations of the objective in all rounds."""
-    rounds: int
-    """Solves, 1 if no row had to join."""
-    seconds: float
-    """Time of all rounds, certification included."""
-
-
-class WindowSolver(Protocol):
-    """Finds certified local minima of a window."""
-
-    def solve(
-        self, window: Window, guesses: Sequence[Array], until: float = math.inf
-    ) -> list[Certified]:
-        """Start at each of some guesses (n, 4, D), which need not be feasible.
-
-        Args:
-            window: what is planned.
-            guesses: segments (n, 4, D) each.
-            until: when to stop with the best found so far, on the clock of
-                `time.perf_counter` [s].
-        """
-
-
-def certify(window: Window, control: Array) -> NDArray[np.bool_]:
-    """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,).
-
-    One in which a search lost its way among numbers out of range, to NaN, is not.
-    """
-    feasible = np.asarray(np.isfinite(control).all(axis=(1, 2, 3)))
-    sound = control[feasible]
-    certified = is_feasible(sound, window.field, window.limits, AIM)
-    if window.turn_radius > 0.0:
-        certified &= keeps_turn_radius(sound, window.turn_radius, AIM)
-    feasible[feasible] = certified.all(axis=-1)
-    return feasible
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,3 +102,10 @@ def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint
         weights = basis(t[segment, obstacle])
         rows.append(ClearanceAt(field.obstacles, segment, obstacle, weights))
     return rows
+
+
+class Solver(Protocol):
+    """Finds a local minimum of a programme."""
+
+    def solve(self, programme: Programme, guess: Array) -> Solution:
+        """Start at `guess` (unknowns,), which need not be feasible."""

@@ -8,7 +8,6 @@ import numpy as np
 
 from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
-from ferguson_gym.splines import basis
 from planners.contacts import (
     CONTACT,
     LOOKS,
@@ -24,6 +23,7 @@ from planners.contacts import (
     approach,
     trace,
 )
+from planners.quadrature import BENDING
 from planners.turns import add_turns
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
@@ -31,10 +31,6 @@ _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _BLEND = np.column_stack([(1.0 - _NODES) ** 2, 2.0 * _NODES * (1.0 - _NODES), _NODES**2])
 _HODOGRAPH = np.array([[0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -1.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
 """Bézier points of the derivative from the rows of a control array."""
-_BEND = basis(0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0), 2)
-BENDING = _BEND.T @ (0.5 * _BEND)
-"""Weights (4, 4) of products of control rows in the integral of |X''|^2 over t; two Gauss
-nodes are exact, since X'' is linear."""
 _STILL = 1e-9
 """The derivative is taken for zero below this [m per unit t]."""
 

@@ -18,17 +18,10 @@ from ferguson_gym.paths import Path
 from planners.multi_start import MultiStart, beside
 from planners.sqp import ElasticSqp
 from planners.starts import along
-from planners.window import WindowSettings, final_window
+from planners.window import ASIDE, SETTINGS, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 """Length of segments at first [m]; tried one after the other until one leads to a chain."""
-STIFFNESS = 1e-5
-"""Weight of the integral of |X''|^2 over t [1/m]. The shortest chains turn on the spot where the
-route leaves the vehicle's heading; for a few hundredths of a per mille of length, this has them
-turn like a flight."""
-ASIDE = 3.0
-"""How far a guess is moved aside where it leads to nothing [m]."""
-SETTINGS = WindowSettings(stiffness=STIFFNESS)
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 

@@ -21,22 +21,21 @@ from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.turn_radius import check_turn_radius, keeps_turn_radius
+from planners.certification import Certified, WindowSolver
 from planners.chain import Chain
 from planners.classes import classes
 from planners.distance import distance_to_go
-from planners.exchange import Certified, WindowSolver
-from planners.fit import ASIDE, STIFFNESS
+from planners.exact import SPACING
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart, beside
 from planners.objectives import LengthObjective
 from planners.pieces import ShortestPath
 from planners.rollout import arriving, rest, roll_out
-from planners.shortest import SPACING
 from planners.starts import along
 from planners.togo_objective import ToGoObjective
 from planners.turned import turned
 from planners.turns import WIDER
-from planners.window import Window, WindowSettings, final_window
+from planners.window import ASIDE, STIFFNESS, Window, WindowSettings, final_window
 
 
 class Start(NamedTuple):

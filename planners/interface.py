@@ -16,7 +16,6 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import Limits
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.paths import Path
-from planners.routes import Route
 
 
 class Status(Enum):
@@ -162,3 +161,78 @@ class Replanner(Planner, Protocol):
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and what is meant to follow it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Route:
+    """A way to the goal, clear of obstacles and inside the bounds."""
+
+    points: Array
+    """(n, 2) corners, or points on the curve, from the vehicle to the goal [m]."""
+    length: float
+    """Of the curve itself [m]; points on it may lie on shorter chords."""
+    progress: Sequence[tuple[float, float]]
+    """Seconds since planning began, and the length [m] that was reached: each time a shorter
+    route was found, the first first."""
+    evaluations: int = 0
+    """Evaluations of an objective, for planners that have one."""
+
+
+class Router(Protocol):
+    """Finds routes."""
+
+    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+        """A route from a vehicle to the goal, None if none was found.
+
+        Raises:
+            CrashedError: what does the work crashed or did not answer.
+        """
+
+
+class CrashedError(RuntimeError):
+    """A planner's library crashed or did not answer; the planner lives on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Iterations:
+    """So many rounds of the search: the same path on every machine.
+
+    Raises:
+        ValueError: fewer than one.
+    """
+
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"a budget is at least 1 iteration, got {self.count}")
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluations:
+    """So many evaluations of an objective: the same path on every machine.
+
+    Raises:
+        ValueError: fewer than one.
+    """
+
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 1:
+            raise ValueError(f"a budget is at least 1 evaluation, got {self.count}")
+
+
+@dataclass(frozen=True, slots=True)
+class Seconds:
+    """So much time by the clock: what is found depends on the machine.
+
+    Raises:
+        ValueError: none, or endless.
+    """
+
+    seconds: float
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.seconds < math.inf:
+            raise ValueError(f"a budget is a number of seconds above 0, got {self.seconds}")

@@ -23,6 +23,7 @@ import numpy as np
 from ferguson_gym.arrays import Array, GenericArray
 from ferguson_gym.limits import Limits
 from ferguson_gym.obstacles import Discs
+from planners.certification import Solution
 from planners.chain import Chain
 from planners.constraints import (
     ClearanceAt,
@@ -36,7 +37,6 @@ from planners.extras import installing
 from planners.objectives import HorizonObjective
 from planners.problem import Problem, Programme
 from planners.quadrature import lengths
-from planners.solvers import Solution
 
 _DISCS = 16
 """Constructions serve numbers of discs up to the next multiple of this."""

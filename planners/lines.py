@@ -10,8 +10,7 @@ from ferguson_gym.compilation import compiled
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from planners.distance import seen
-from planners.straight_line import keeps_clear
-from planners.tangents import Scene, scene
+from planners.tangents import Records, Scene, View, is_clear, scene
 
 
 def scene_from(
@@ -64,3 +63,16 @@ def _are_clear(scene: Scene, starts: Array, ends: Array) -> NDArray[np.bool_]:
         inside = inside and box[0, 1] <= min(y, end_y) and max(y, end_y) <= box[1, 1]
         clear[k] = inside and keeps_clear(x, y, end_x, end_y, discs)
     return clear
+
+
+@compiled
+def keeps_clear(x: float, y: float, end_x: float, end_y: float, discs: Records) -> bool:
+    """Whether no point of a line from (x, y) is nearer to a disc's centre than its reach [m].
+
+    A line of length zero is a point.
+    """
+    every = View(np.arange(len(discs)), np.full(len(discs), -np.inf))
+    dx, dy = end_x - x, end_y - y
+    length = np.sqrt(dx * dx + dy * dy)
+    ux, uy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
+    return is_clear(x, y, ux, uy, length, np.inf, discs, every, -1, -1)

@@ -16,8 +16,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ferguson_gym.arrays import Array
-from planners.exchange import ROUNDS, Certified, certify
-from planners.solvers import Solution
+from planners.certification import Certified, Solution, certify
+from planners.exchange import ROUNDS
 from planners.sqp import CONVERGED, ElasticSqp, Search, Trail
 from planners.window import Window
 

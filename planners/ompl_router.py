@@ -20,9 +20,8 @@ from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
-from planners.budget import Iterations, Seconds
 from planners.extras import require
-from planners.routes import Route
+from planners.interface import Iterations, Route, Seconds
 from planners.tangents import Records, scene
 from planners.worker import Worker
 

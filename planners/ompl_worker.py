@@ -27,9 +27,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from ferguson_gym.arrays import Array
-from planners.budget import Iterations
+from planners.interface import Iterations
+from planners.lines import keeps_clear
 from planners.ompl_router import Algorithm, Answer, Problem
-from planners.straight_line import keeps_clear
 from planners.tangents import DISC, Records
 from planners.worker import serve
 

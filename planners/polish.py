@@ -11,8 +11,8 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.splines import as_control
-from planners.fit import SETTINGS, SOLVER
-from planners.window import final_window
+from planners.fit import SOLVER
+from planners.window import SETTINGS, final_window
 
 
 def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> Array:

@@ -11,9 +11,8 @@ import numpy as np
 from ferguson_gym.arrays import Array, GenericArray
 from planners.chain import Chain
 from planners.constraints import Constraint
-from planners.expansion import BENDING
 from planners.objectives import Objective
-from planners.quadrature import bending, length_gradients, lengths
+from planners.quadrature import BENDING, bending, length_gradients, lengths
 
 
 class Programme(Protocol):

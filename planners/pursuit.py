@@ -22,9 +22,8 @@ import numpy as np
 
 from ferguson_gym import flight
 from ferguson_gym.arrays import Array
-from ferguson_gym.bank import planar_discs
 from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
+from ferguson_gym.fields import Field, planar_discs
 from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.obstacles import Discs
 from planners.distance import DistanceToGo

@@ -11,11 +11,14 @@ import numpy as np
 
 from ferguson_gym.arrays import Array, GenericArray
 from ferguson_gym.splines import basis
-from planners.expansion import BENDING
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _SLOPES = basis(0.5 * (_NODES + 1.0), 1)
 _WEIGHTS = 0.5 * _WEIGHTS
+_BEND = basis(0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0), 2)
+BENDING = _BEND.T @ (0.5 * _BEND)
+"""Weights (4, 4) of products of control rows in the integral of |X''|^2 over t; two Gauss
+nodes are exact, since X'' is linear."""
 
 
 def bending(control: GenericArray) -> GenericArray:

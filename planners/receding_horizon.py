@@ -21,7 +21,7 @@ from ferguson_gym.actions import REACH
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from planners.exchange import Certified, WindowSolver
+from planners.certification import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart
 from planners.rollout import arriving, rest, roll_out

@@ -2,21 +2,14 @@
 
 from __future__ import annotations
 
-import time
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym import flight
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
 from planners.distance import DistanceToGo
 from planners.pieces import ShortestPath
-from planners.routes import Route
-
-SPACING = 0.25
-"""Of the points on a route [m]."""
 
 
 def shortest_path(field: Field) -> ShortestPath | None:
@@ -66,21 +59,3 @@ def _exact_length(
     )
     path = shortest_path(field)
     return None if path is None else path.length
-
-
-@dataclass(frozen=True, slots=True)
-class Exact:
-    """The shortest path as a route."""
-
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
-        """The shortest path from the vehicle to the goal; the seed changes nothing.
-
-        Raises:
-            TypeError: obstacles other than discs in the plane.
-        """
-        began = time.perf_counter()
-        path = DistanceToGo(field).path(vehicle.position)
-        if path is None:
-            return None
-        found = time.perf_counter() - began, path.length
-        return Route(points=path.points(SPACING), length=path.length, progress=[found])

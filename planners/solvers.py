@@ -4,37 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
 import numpy as np
 from scipy.optimize import minimize
 from threadpoolctl import ThreadpoolController
 
 from ferguson_gym.arrays import Array
+from planners.certification import Solution
 from planners.problem import Programme
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Solution:
-    """Where a solver stopped. Whether it may be flown is certified elsewhere."""
-
-    x: Array
-    """Unknowns; finite."""
-    objective: float
-    """f(x)."""
-    converged: bool
-    """Whether the solver's own test for a local minimum passed."""
-    status: str
-    """The solver's word for how it ended."""
-    evaluations: int
-    """Evaluations of the objective."""
-
-
-class Solver(Protocol):
-    """Finds a local minimum of a programme."""
-
-    def solve(self, programme: Programme, guess: Array) -> Solution:
-        """Start at `guess` (unknowns,), which need not be feasible."""
 
 
 @cache

@@ -27,11 +27,12 @@ from ferguson_gym.arrays import Array
 from ferguson_gym.compilation import compiled
 from ferguson_gym.obstacles import Discs
 from planners import quadratic
+from planners.certification import AIM
 from planners.definite import make_definite
-from planners.exchange import AIM
-from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
+from planners.expansion import Expansion, Layout, empty_expansion, expand
 from planners.filter import Filter
 from planners.lagrangian import hand_on, lagrangian
+from planners.quadrature import BENDING
 from planners.turns import WIDER, too_sharp
 from planners.window import Window
 

@@ -27,8 +27,7 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.segments import rooms
 from ferguson_gym.splines import evaluate
-from planners.budget import Evaluations, Seconds
-from planners.routes import Route
+from planners.interface import Evaluations, Route, Seconds
 from planners.swarm_objective import (
     ChainObjective,
     Encoding,

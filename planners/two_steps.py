@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from ferguson_gym.arrays import Array
-from planners.exchange import Certified, WindowSolver
+from planners.certification import Certified, WindowSolver
 from planners.multi_start import MultiStart
 from planners.objectives import HorizonObjective, LengthObjective
 from planners.window import Window

@@ -26,8 +26,8 @@ from scipy.spatial import Voronoi
 from ferguson_gym import flight
 from ferguson_gym.arrays import Array
 from ferguson_gym.fields import Field
+from planners.interface import Route
 from planners.lines import lines_clear, scene_from
-from planners.routes import Route
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

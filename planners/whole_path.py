@@ -12,11 +12,20 @@ import numpy as np
 
 from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS, Limits
-from planners.budget import Seconds
 from planners.fit import fit
-from planners.interface import Decision, Plan, Planner, State, Status, WindowReport
+from planners.interface import (
+    CrashedError,
+    Decision,
+    Plan,
+    Planner,
+    Route,
+    Router,
+    Seconds,
+    State,
+    Status,
+    WindowReport,
+)
 from planners.rollout import arriving, fly, over, rest
-from planners.routes import CrashedError, Route, Router
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -21,6 +21,12 @@ from planners.quadrature import lengths
 
 DERIVATIVE_BOUND = 1000.0
 """Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
+STIFFNESS = 1e-5
+"""Weight of the integral of |X''|^2 over t [1/m]. The shortest chains turn on the spot where the
+route leaves the vehicle's heading; for a few hundredths of a per mille of length, this has them
+turn like a flight."""
+ASIDE = 3.0
+"""How far a guess is moved aside where it leads to nothing [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -35,6 +41,9 @@ class WindowSettings:
     """n_s, uniform parameters at which clearance is required, the first of them t = 0."""
     stiffness: float = 0.0
     """Weight of the integral of |X''|^2 over t in the objective [1/m]; not in the paper."""
+
+
+SETTINGS = WindowSettings(stiffness=STIFFNESS)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

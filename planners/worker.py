@@ -21,7 +21,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
-from planners.routes import CrashedError
+from planners.interface import CrashedError
 
 ROOT = Path(__file__).parent.parent
 """Where modules are imported from."""

@@ -4,9 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from planners.budget import Evaluations, Iterations
 from planners.catalog import make
-from planners.interface import Planner
+from planners.interface import Evaluations, Iterations, Planner
 
 BUDGETS = {
     "rrt-star": Iterations(1500),

@@ -5,10 +5,8 @@ from dataclasses import dataclass, replace
 
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import State as Vehicle
-from planners.budget import Iterations, Seconds
-from planners.interface import Plan, State
-from planners.routes import CrashedError, Route
-from planners.shortest import Exact
+from planners.exact import Exact
+from planners.interface import CrashedError, Iterations, Plan, Route, Seconds, State
 from planners.whole_path import WholePath
 
 

@@ -13,10 +13,10 @@ from agents.animation import Painter, animate
 from agents.command_line import main
 from agents.flights import Flight, fly, fly_by_name
 from agents.gif import COLOURS, Palette, write_gif
-from agents.policies import expert
+from agents.kernels import small_field
+from agents.planner_policies import expert
 from agents.shots import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
 from agents.terminal import Terminal
-from agents.warm_up import small_field
 from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one
 from ferguson_gym.drawing import OBSTACLE, SEEN

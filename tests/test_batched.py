@@ -11,7 +11,7 @@ import torch
 
 from agents.batched import fly_batch, score
 from agents.flights import fly
-from agents.models import Model
+from agents.model import Model
 from agents.pilots import Pilot
 from ferguson_gym.catalog import select
 from ferguson_gym.fields import Field

@@ -2,7 +2,7 @@
 
 import pytest
 
-from planners.budget import Evaluations, Iterations, Seconds
+from planners.interface import Evaluations, Iterations, Seconds
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from agents.lessons import Lesson, Lessons, row
 from agents.symmetry import mirrored
 from ferguson_gym.actions import encode
 from ferguson_gym.catalog import one, select
-from ferguson_gym.interface import settings_of
+from ferguson_gym.settings import settings_of
 from planners.interface import depart
 from planners.pursuit import Pursuit
 

@@ -16,7 +16,7 @@ from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.fields import to_json
 from planners.catalog import make
-from planners.routes import Route
+from planners.interface import Route
 
 PROGRAM = Path(sys.executable).with_name("ferguson")
 

@@ -15,7 +15,8 @@ from PIL import Image
 
 from agents.command_line import main
 from agents.flights import fly
-from agents.policies import expert, make_policy
+from agents.planner_policies import expert
+from agents.policies import make_policy
 from ferguson_gym.catalog import one, select
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.obstacles import Discs

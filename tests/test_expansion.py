@@ -16,9 +16,9 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import derivative, evaluate
 from planners.contacts import HIGH, LOW, NEAR, SPEED
-from planners.expansion import BENDING, Expansion, Layout, empty_expansion, expand
+from planners.expansion import Expansion, Layout, empty_expansion, expand
 from planners.lagrangian import lagrangian
-from planners.quadrature import bending, lengths
+from planners.quadrature import BENDING, bending, lengths
 from planners.sqp import _layout
 from planners.window import Window, WindowSettings, horizon_window
 

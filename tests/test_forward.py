@@ -22,10 +22,10 @@ from ferguson_gym import flight
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.flight import State
-from ferguson_gym.interface import settings_of
 from ferguson_gym.observations import Observation
 from ferguson_gym.observing import observe
 from ferguson_gym.obstacles import Discs
+from ferguson_gym.settings import settings_of
 
 ROOT = Path(__file__).parent.parent
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 5, "view": 20.0}

@@ -13,8 +13,7 @@ from ferguson_gym.obstacles import Discs
 from planners import extras
 from planners.astar import AStar
 from planners.catalog import make
-from planners.interface import Status, depart
-from planners.routes import Route, Router
+from planners.interface import Route, Router, Status, depart
 from planners.shortest import exact_length
 from planners.voronoi import VoronoiEdges
 from tests.taut_paths import fields, line_depth

@@ -11,7 +11,7 @@ import pytest
 from agents.cards import Card
 from agents.flights import Flight, fly
 from agents.imagining import MOST, Imagining
-from agents.models import Model
+from agents.model import Model
 from agents.pilots import Pilot
 from agents.policies import make_policy
 from ferguson_gym import flight

@@ -22,7 +22,8 @@ from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import evaluate
 from planners import interface
 from planners.catalog import make
-from planners.exchange import AIM, ByExchange, Certified, WindowSolver
+from planners.certification import AIM, Certified, WindowSolver
+from planners.exchange import ByExchange
 from planners.multi_start import MultiStart, beside
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp

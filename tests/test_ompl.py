@@ -17,10 +17,9 @@ from ferguson_gym import flight
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from planners.budget import Iterations, Seconds
 from planners.catalog import make
+from planners.interface import CrashedError, Iterations, Route, Seconds
 from planners.ompl_router import WORKER, Ompl, shared_worker
-from planners.routes import CrashedError, Route
 from planners.shortest import exact_length
 from planners.worker import ROOT, Worker
 

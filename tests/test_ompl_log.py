@@ -12,8 +12,7 @@ from agents.ompl_log import STATUSES, write
 from agents.planner_runs import Run, measure, run
 from ferguson_gym.catalog import one
 from planners.catalog import PLANNERS
-from planners.interface import depart
-from planners.routes import Route
+from planners.interface import Route, depart
 from tests.stub_planners import STUBS
 
 TYPES = {"BOOLEAN": int, "INTEGER": int, "REAL": float}

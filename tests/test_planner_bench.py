@@ -19,10 +19,8 @@ from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs
-from planners.budget import Seconds
 from planners.catalog import PLANNERS, make
-from planners.interface import Plan, State, depart
-from planners.routes import Route
+from planners.interface import Plan, Route, Seconds, State, depart
 from planners.shortest import exact_length
 from planners.whole_path import with_seconds
 from tests.stub_planners import STUBS, Faulty

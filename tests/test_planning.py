@@ -14,7 +14,8 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import derivative, evaluate
 from planners.catalog import PLANNERS, make
-from planners.exchange import AIM, ByExchange, broken_rows
+from planners.certification import AIM
+from planners.exchange import ByExchange, broken_rows
 from planners.interface import Plan, State, Status, depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from agents.flights import Flight, fly
-from agents.policies import Replanning, Tracking, expert, make_policy
+from agents.planner_policies import Replanning, Tracking, expert
+from agents.policies import make_policy
 from ferguson_gym.catalog import one, select
 from ferguson_gym.fields import Field
 from ferguson_gym.obstacles import Discs

@@ -7,7 +7,7 @@ from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import is_feasible
 from planners.catalog import make
-from planners.exchange import AIM
+from planners.certification import AIM
 from planners.interface import depart
 from planners.polish import polish
 from planners.shortest import exact_length

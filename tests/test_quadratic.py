@@ -13,8 +13,9 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from planners import quadratic
 from planners.definite import make_definite
-from planners.expansion import BENDING, empty_expansion, expand
+from planners.expansion import empty_expansion, expand
 from planners.lagrangian import lagrangian
+from planners.quadrature import BENDING
 from planners.sqp import _layout
 from planners.starts import straight
 from planners.window import Window, WindowSettings, final_window, horizon_window

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ferguson_gym import ENVIRONMENT_ID
+from ferguson_gym.batch import INFOS
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import INFOS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.suites import suite_field
 from ferguson_gym.vector_environment import VectorObstacleField

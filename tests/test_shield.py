@@ -6,7 +6,8 @@ import pytest
 from agents import summaries
 from agents.flights import Flight, fly, fly_by_name
 from agents.hands import Hand, share_handed_over
-from agents.policies import Policy, make_policy
+from agents.policies import make_policy
+from agents.policy_interface import Policy
 from agents.shield import PATIENCE, Shield
 from agents.statistics_tables import shields
 from ferguson_gym import flight

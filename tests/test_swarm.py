@@ -12,9 +12,8 @@ from ferguson_gym.fields import Field
 from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import evaluate
-from planners.budget import Evaluations, Seconds
 from planners.catalog import make
-from planners.routes import Route
+from planners.interface import Evaluations, Route, Seconds
 from planners.shortest import exact_length
 from planners.swarm import Swarms, bees, particles
 from planners.swarm_objective import (

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 from ferguson_gym import batch, fleet
+from ferguson_gym.batch import INFOS
 from ferguson_gym.crew import CLAIMED, DONE, add, get, new_counters
 from ferguson_gym.fields import Field
 from ferguson_gym.fleet import BLOCK
-from ferguson_gym.interface import INFOS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.vector_environment import VectorObstacleField
 from tests.waiting import until

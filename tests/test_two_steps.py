@@ -10,7 +10,7 @@ from ferguson_gym.arc_length import length
 from ferguson_gym.catalog import one
 from ferguson_gym.feasibility import is_feasible
 from ferguson_gym.limits import PAPER_LIMITS
-from planners.exchange import Certified
+from planners.certification import Certified
 from planners.interface import depart
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon

@@ -9,9 +9,9 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from ferguson_gym import fleet
+from ferguson_gym.batch import INFOS
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.fields import Field
-from ferguson_gym.interface import INFOS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from ferguson_gym.suites import SUITES, suite_field

@@ -21,9 +21,9 @@ from ferguson_gym.actions import encode
 from ferguson_gym.arrays import Array
 from ferguson_gym.catalog import one
 from ferguson_gym.flight import State
-from ferguson_gym.interface import settings_of
 from ferguson_gym.observing import observe_one
 from ferguson_gym.outcome import Outcome
+from ferguson_gym.settings import settings_of
 from planners import interface
 from planners.catalog import make
 from planners.interface import Decision, Replanner

@@ -16,11 +16,11 @@ from ferguson_gym.limits import PAPER_LIMITS, Limits
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.outcome import Outcome
 from planners.catalog import make
-from planners.exchange import AIM
+from planners.certification import AIM
+from planners.exact import Exact
 from planners.fit import fit
-from planners.interface import State, Status, depart
-from planners.routes import CrashedError, Route
-from planners.shortest import Exact, exact_length
+from planners.interface import CrashedError, Route, State, Status, depart
+from planners.shortest import exact_length
 from planners.whole_path import WholePath
 
 OPEN = Field(name="open", obstacles=Discs([], []))

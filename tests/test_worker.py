@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from planners.routes import CrashedError
+from planners.interface import CrashedError
 from planners.worker import ROOT, Worker
 
 STUB = "tests.stub_worker"

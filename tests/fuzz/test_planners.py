@@ -15,10 +15,9 @@ from ferguson_gym.limits import PAPER_LIMITS
 from ferguson_gym.obstacles import Discs
 from ferguson_gym.splines import derivative, evaluate
 from ferguson_gym.turn_radius import keeps_turn_radius
-from planners.budget import Evaluations, Iterations
 from planners.catalog import OPTIONS, PLANNERS, make
 from planners.distance import DistanceToGo
-from planners.interface import Plan, Planner, State, Status
+from planners.interface import Evaluations, Iterations, Plan, Planner, State, Status
 from planners.polish import polish
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import POINTS, WILD, fields, vehicles
