@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.jit import compiled
 
 Single: TypeAlias = NDArray[np.float32]
 

@@ -9,8 +9,8 @@ from agents.arguments import DONE, add_manners, seed
 from agents.completion import FILE, ONE_FIELD, PLANNER, completes
 from agents.jobs import Job
 from agents.terminal import Terminal
-from ferguson_gym.catalog import one
-from ferguson_gym.flight import depart
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.transition import depart
 from planners.catalog import PLANNERS
 
 HELP = "show a flight as it is decided, a GIF"

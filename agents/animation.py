@@ -21,12 +21,12 @@ from rich.progress import Progress
 from agents.flights import Flight
 from agents.gif import Frame, Palette, write_gif
 from agents.shots import Shot, shots
-from ferguson_gym import drawing
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import evaluate
-from planners.distance import DistanceToGo
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 
 SIZE = 720
 """Pixels along the longer side of the field; a narrow one still has room for the line below."""

@@ -13,7 +13,7 @@ from typing import Any
 from agents.activations import ACTIVATIONS
 from agents.cards import Card
 from agents.features import DISC, OWN
-from ferguson_gym.settings import settings_of
+from ferguson_gym.simulation.settings import settings_of
 
 ON_POLICY = ("ppo", "bc", "dagger")
 """Algorithms whose policies are actor and critic in one, and take one another's weights."""

@@ -13,10 +13,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NoReturn
 
-from ferguson_gym.catalog import family
-from ferguson_gym.files import unwritable
-from ferguson_gym.spelling import meant
-from ferguson_gym.suites import LAST_SEED
+from ferguson_gym.runtime.atomic_files import unwritable
+from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.world.field_names import family
+from ferguson_gym.world.suites import LAST_SEED
 
 DONE, BAD_INPUT = 0, 2
 _LONG = 400

@@ -20,7 +20,7 @@ from joblib import Parallel, delayed, parallel_config
 
 from agents.evaluation_chunks import Answer, Task, end_with, fly_task
 from agents.interruptions import put_off, uninterrupted
-from planners.extras import installing
+from ferguson_gym.runtime.optional_dependencies import installing
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
 BACKENDS = (PROCESSES, DASK, RAY)

@@ -14,13 +14,13 @@ from gymnasium.vector import AutoresetMode
 
 from agents.metrics import path_share, success_interval
 from agents.model import Model
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paths import Path
-from ferguson_gym.settings import Settings
+from ferguson_gym.curves.path import Path
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
-from planners.shortest import exact_length, gap
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 
 TOGETHER = 48
 """Flights in the air, if nothing else is said: so few that the environment flies them without

@@ -20,11 +20,11 @@ from agents.arguments import (
 from agents.completion import DIRECTORY, FIELDS, PLANNER, completes
 from agents.jobs import Job
 from agents.terminal import Terminal
-from ferguson_gym.catalog import select
-from ferguson_gym.flight import depart
-from ferguson_gym.observations import KINDS
+from ferguson_gym.runtime.optional_dependencies import installing
+from ferguson_gym.simulation.observations import KINDS
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.transition import depart
 from planners.catalog import PLANNERS, make
-from planners.extras import installing
 
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000

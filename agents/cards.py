@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ferguson_gym import ENVIRONMENT_ID, __version__
-from ferguson_gym.files import written_whole
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world.limits import PAPER_LIMITS
 
 CARD = "model.json"
 ENVIRONMENT_VERSION = f"{ENVIRONMENT_ID} {__version__}"

@@ -110,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     from agents.arguments import Parser
     from ferguson_gym import __version__
-    from ferguson_gym.catalog import GRAMMAR
+    from ferguson_gym.world.field_names import GRAMMAR
 
     parser = Parser(
         prog="ferguson",

@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from agents.flights import Flight
-from ferguson_gym.drawing import draw_field, style
-from ferguson_gym.files import written_whole
-from ferguson_gym.splines import evaluate
-from planners.shortest import shortest_path
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering.drawing import draw_field, style
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import shortest_path
 
 COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
 """Of policies, in their order, as in the report; the first four are far apart for the

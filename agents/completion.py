@@ -10,7 +10,7 @@ from typing import Any
 import shtab
 
 from agents import shelf
-from ferguson_gym.suites import SPLITS, SUITES
+from ferguson_gym.world.suites import SPLITS, SUITES
 from planners.catalog import PLANNERS
 
 Words = Mapping[str, Any] | str

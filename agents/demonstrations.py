@@ -17,8 +17,8 @@ import ferguson_gym
 from agents.demonstrations_episodes import make_environment, replay
 from agents.demonstrations_minari import local_ids, minari, place_of
 from agents.stored_arrays import reason
-from ferguson_gym.actions import Action
-from ferguson_gym.observations import Observation
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
 
 _SAME = 1e-6
 """By which flown length [m] and rewards may differ between machines."""

@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 import ferguson_gym
 from agents.policy_interface import Policy
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
-from ferguson_gym.batch import INFOS
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -106,7 +106,7 @@ class _Recorded:
         """Start with the first action, whatever the field."""
         self.done = 0
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The next action; None behind the last."""
         self.done += 1
         return self.actions[self.done - 1] if self.done <= len(self.actions) else None

@@ -17,10 +17,10 @@ from agents import demonstrations_work as work
 from agents.demonstrations_episodes import make_environment, record
 from agents.demonstrations_work import Request
 from agents.terminal import Terminal
-from ferguson_gym.actions import Action
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.transition import State
 
 RANDOM_FLIGHTS = 100
 """Of random actions, most, whose mean return is the score 0."""

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.demonstrations_episodes import Episode, make_environment, seed_of
-from planners.extras import installing
+from ferguson_gym.runtime.optional_dependencies import installing
 
 _ID = re.compile(r"(?P<namespace>(?:[a-z0-9_][\w-]+/)*)[a-z0-9_][\w-]*-v[0-9]+", re.ASCII | re.I)
 _BATCH = 500

@@ -27,10 +27,10 @@ from agents.policies import make_policy
 from agents.policy_interface import Policy
 from agents.stored_arrays import read_arrays
 from agents.worker_processes import GOES_ON, spread
-from ferguson_gym.actions import Action
-from ferguson_gym.catalog import family
-from ferguson_gym.files import written_whole
-from ferguson_gym.observations import Observation
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field_names import family
 
 CHUNK = 10
 """Fields in a file; those of unfinished files are flown again after an interruption."""

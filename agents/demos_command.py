@@ -10,9 +10,9 @@ from agents.arguments import DONE, GOES_ON, add_manners, check_number, positive,
 from agents.completion import FIELDS, PLANNER, completes
 from agents.jobs import Job
 from agents.terminal import Terminal
-from ferguson_gym.observations import KINDS
+from ferguson_gym.runtime.optional_dependencies import installing
+from ferguson_gym.simulation.observations import KINDS
 from planners.catalog import OPTIONS, PLANNERS
-from planners.extras import installing
 
 NO_DEMONSTRATIONS = 1
 HELP = "record an expert's flights"

@@ -22,9 +22,9 @@ from rich.table import Table
 from agents import fresh_start, machine, tables
 from agents.env_drivers import DEVIATION, Entry, Slice
 from agents.terminal import Terminal
-from ferguson_gym.arrays import Array
-from ferguson_gym.files import written_whole
-from planners.extras import installing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.optional_dependencies import installing
 
 
 class Row(NamedTuple):

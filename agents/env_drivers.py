@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from agents.env_processes import in_processes
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.fleet import FIRST
-from ferguson_gym.settings import Settings
+from ferguson_gym.simulation.batch_simulator import FIRST
+from ferguson_gym.simulation.settings import Settings
 
 FIELDS = Settings().fields
 """That resets draw from."""

@@ -21,11 +21,11 @@ from agents.arguments import (
 from agents.completion import DIRECTORY, FIELDS, POLICY, completes
 from agents.jobs import Job
 from agents.terminal import Terminal
-from ferguson_gym import catalog
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import depart
+from ferguson_gym.runtime.optional_dependencies import installing
+from ferguson_gym.world import field_names
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.transition import depart
 from planners.catalog import PLANNERS
-from planners.extras import installing
 
 MOST = 10_000_000
 """Flights of one evaluation."""
@@ -170,9 +170,9 @@ def sources(spec: str) -> list[str | Field]:
     Raises:
         ValueError: as `catalog.select`, or a field in which no flight can begin.
     """
-    fields = catalog.select(spec)
+    fields = field_names.select(spec)
     try:
-        name, numbers = catalog.family(spec)
+        name, numbers = field_names.family(spec)
     except ValueError:  # files
         read: list[str | Field] = []
         for field in fields:

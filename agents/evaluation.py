@@ -21,9 +21,9 @@ from agents.records import Record, flight_of
 from agents.report import REPORT, write_report
 from agents.statistics import summarise
 from agents.terminal import Terminal
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field import Field
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", "report.html")
 """What a directory of results may hold beside pictures."""

@@ -16,8 +16,8 @@ from typing import Any
 
 from agents import provenance
 from agents.policies import SHIELDED, imagines, is_planner
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
 
 PLANNED, BATCHED = 10, 256
 """Flights in a chunk, of planners and of agents that fly in batches; those of unfinished chunks

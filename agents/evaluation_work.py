@@ -23,7 +23,7 @@ from agents.evaluation_chunks import Answer, Task, alone, task_of
 from agents.evaluation_request import Chunk, Request, name_of
 from agents.records import Pack, Record, Trace
 from agents.stored_arrays import read_arrays
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
 
 WORK = ".unfinished"
 """Name of the work directory in a directory of results."""

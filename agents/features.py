@@ -6,7 +6,7 @@ import numpy as np
 
 from agents.activations import Single, exponential, relu
 from agents.products import add_product, affine
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.jit import compiled
 
 OWN = 15
 """Numbers made of goal and vehicle."""

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS
-from ferguson_gym.arrays import LARGEST, Array, shortened
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.runtime.arrays import LARGEST, Array, shortened
+from ferguson_gym.world.outcome import Outcome
 
 TIMES = TIMING_COLUMNS[3:]
 """Columns of timings.csv beside its keys [s]."""

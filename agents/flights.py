@@ -13,13 +13,13 @@ from agents.metrics import path_share
 from agents.policies import make_policy
 from agents.policy_interface import Policy
 from agents.warm_up import warm_policy
-from ferguson_gym.arrays import Array
+from ferguson_gym.curves.path import Path
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paths import Path
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 from planners.interface import Decision, Route
-from planners.shortest import exact_length, gap
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -13,8 +13,8 @@ from agents.activations import ACTIVATIONS, Single
 from agents.architecture import ACTION, Architecture
 from agents.products import affine, pack, pad
 from agents.weights import Weights
-from ferguson_gym.actions import Action
-from ferguson_gym.observations import Observation
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
 
 _Layer: TypeAlias = tuple[Single, Single]
 """Panels and bias."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
 
 SUFFIX = ".gif"
 COLOURS = 254

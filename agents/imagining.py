@@ -18,15 +18,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.imagined import Imagined
 from agents.model import Model
 from agents.pilots import Pilot
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.simulation.simulated_rollouts import Imagined
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
 
 MOST = 1024
 """Flights that may be imagined at a time."""
@@ -62,7 +62,7 @@ class Imagining:
         self._ahead: list[Leg] = []
         self._expected: tuple[int, Array] | None = None
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The next action (4,) of the best flight; None if none is left of one that fails."""
         if self._expected is None or not _there(self._expected, vehicle):
             stream = np.random.default_rng((self._seed, vehicle.segments))
@@ -76,7 +76,7 @@ class Imagining:
         return action
 
 
-def _there(expected: tuple[int, Array], vehicle: flight.State) -> bool:
+def _there(expected: tuple[int, Array], vehicle: transition.State) -> bool:
     segments, position = expected
     return vehicle.segments == segments and np.array_equal(vehicle.position, position)
 
@@ -85,7 +85,7 @@ def imagine(
     model: Model,
     settings: Settings,
     field: Field,
-    vehicle: flight.State,
+    vehicle: transition.State,
     tries: int,
     stream: np.random.Generator,
 ) -> list[Leg]:

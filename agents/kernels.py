@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from planners.shortest import exact_length
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 
 
 @cache

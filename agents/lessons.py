@@ -10,11 +10,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observing import observe
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.transition import State
 
 COLUMNS = 11
 """Of a row: the seed of the field (or another number for it), position and derivative (2 each),

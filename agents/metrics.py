@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.stats import binomtest
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 
 CONFIDENCE = 0.95
 """Of intervals."""

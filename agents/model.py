@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Protocol
 
 from agents.cards import CARD, Card
-from ferguson_gym.actions import Action
-from ferguson_gym.observations import Observation
-from ferguson_gym.settings import Settings, settings_of
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.settings import Settings, settings_of
+from ferguson_gym.world.actions import Action
 
 MODEL = "model.zip"
 

@@ -14,7 +14,7 @@ from agents.architecture import Architecture, architecture_of
 from agents.cards import CARD, Card, read_card
 from agents.forward import Forward
 from agents.model import MODEL, Model, directory_of
-from planners.extras import installing
+from ferguson_gym.runtime.optional_dependencies import installing
 
 
 def load(place: str | Path) -> Model:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agents.activations import Single, exponential
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.jit import compiled
 
 LIKE = 0.08
 """How near the means of a mixture's components are that mean the same way, as actions go."""

@@ -15,10 +15,10 @@ from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 
 from agents.flights import Flight
-from ferguson_gym import drawing
-from ferguson_gym.arrays import Array
-from ferguson_gym.files import unwritable, written_whole
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import unwritable, written_whole
 
 SUFFIXES = (".png", ".pdf", ".svg")
 """Formats a picture can be written in."""

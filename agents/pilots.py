@@ -8,11 +8,11 @@ from pathlib import Path
 from agents import cards, models
 from agents.kernels import small_field
 from agents.model import MODEL, Model
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.observing import observe
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
 
 
 class Pilot:
@@ -29,7 +29,7 @@ class Pilot:
         """Start a flight through a field; the seed changes nothing."""
         self._field = field
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action:
         """The next action (4,)."""
         seen = observe(self._field, [vehicle], self._settings)
         action: Action = self.model.network.act(seen)[0]
@@ -60,5 +60,5 @@ def _ready(directory: Path, *_: tuple[int, int]) -> Model:
     model = models.load(directory)
     first = Pilot(model)  # what is slow the first time is not timed in a flight
     first.begin(small_field(), 0)
-    first.act({}, flight.depart(small_field()))
+    first.act({}, transition.depart(small_field()))
     return model

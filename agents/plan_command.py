@@ -10,8 +10,8 @@ from agents.completion import FILE, ONE_FIELD, PLANNER, POLICY, completes
 from agents.interruptions import put_off
 from agents.jobs import Job
 from agents.terminal import Terminal
-from ferguson_gym.catalog import one
-from ferguson_gym.flight import depart
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.transition import depart
 from planners.catalog import OPTIONS, PLANNERS, named
 
 NO_PATH = 1

@@ -18,8 +18,8 @@ from rich.text import Text
 from agents import machine, metrics, ompl_log, planner_pictures, results, tables
 from agents.planner_runs import FALSE_SUCCESS, LIBRARIES, Run, runs
 from agents.terminal import Terminal
-from ferguson_gym.fields import Field
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field import Field
 
 COLUMNS = (
     "planner",

@@ -19,11 +19,11 @@ from matplotlib.ticker import FuncFormatter
 
 from agents.metrics import best_so_far, quantile, share_within
 from agents.planner_runs import Run
-from ferguson_gym import drawing
-from ferguson_gym.arrays import Array
-from ferguson_gym.files import written_whole
-from ferguson_gym.paths import Path
-from planners.shortest import gap
+from ferguson_gym.curves.path import Path
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import gap
 
 LEAST_GAP = 1e-5
 """Gaps below are drawn as this one: logarithms have no zero."""

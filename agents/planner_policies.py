@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from agents.policy_interface import Expert
-from ferguson_gym import flight
-from ferguson_gym.actions import Action, encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
 from planners.interface import Decision, Plan, Planner, Replanner, Route, State
 from planners.rollout import successor
 
@@ -27,7 +27,7 @@ class Replanning:
         self._last: tuple[State, Array] | None = None
         self.decisions = []
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The action that flies the first segment of the planner's decision."""
         state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
         decision = self._planner.decide(self._field, state, self._seed)
@@ -52,7 +52,7 @@ class Tracking:
         self._plan: Plan | None = None
         self.decisions, self.route = [], None
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The action that flies the plan's next segment; plans at the first call."""
         if self._plan is None:
             self._first = vehicle.segments

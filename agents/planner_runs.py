@@ -13,14 +13,14 @@ from joblib import delayed
 
 from agents.warm_up import warm
 from agents.worker_processes import spread
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import inspect, is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.paths import Path
-from ferguson_gym.turning import bending_energy, fastest_turn
+from ferguson_gym.curves.path import Path
+from ferguson_gym.curves.turning import bending_energy, fastest_turn
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.world.feasibility import inspect, is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Plan, Route, Status, depart
-from planners.shortest import exact_length, gap
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
 """What plans depend on."""

@@ -14,11 +14,11 @@ from rich.table import Table
 from agents import tables
 from agents.flights import Flight
 from agents.pictures import draw_flights
-from ferguson_gym.feasibility import inspect
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.shortest_paths.exact import gap
+from ferguson_gym.world.feasibility import inspect
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Plan, Planner, Route, depart
-from planners.shortest import gap
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -7,7 +7,7 @@ from agents.planner_policies import Tracking, expert
 from agents.policy_interface import Policy
 from agents.proposals import Proposals
 from agents.shield import Shield
-from ferguson_gym.spelling import meant
+from ferguson_gym.runtime.suggestions import meant
 from planners.catalog import PLANNERS, make, starting_from
 from planners.interface import Planner
 

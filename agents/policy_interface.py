@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
 from planners.interface import Decision, Route
 
 
@@ -17,7 +17,7 @@ class Policy(Protocol):
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The next action, or None if the policy gives up."""
 
 

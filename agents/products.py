@@ -22,7 +22,7 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from agents.activations import Single
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.jit import compiled
 
 PANEL = 32
 """Columns of a panel."""

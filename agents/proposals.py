@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from agents.policy_interface import Policy
-from ferguson_gym import flight
-from ferguson_gym.actions import decode
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.observing import observe_one
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import decode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 
 _SEEN = Settings()
 """The environment's own, in which policies are flown."""
@@ -24,7 +24,9 @@ class Proposals:
         self._policy = policy
         self._limits = limits
 
-    def propose(self, field: Field, state: flight.State, segments: int, seed: int) -> list[Array]:
+    def propose(
+        self, field: Field, state: transition.State, segments: int, seed: int
+    ) -> list[Array]:
         """The chain (n, 4, 2) that the policy flies from a state; none if it gives up at once.
 
         It flies through whatever stands in its way, and ends early on the goal or where it gives
@@ -41,7 +43,7 @@ class Proposals:
                 action, state.position, state.derivative, field.goal, self._limits.gate
             )
             chain.append(control)
-            state = flight.State(control[1], control[3], state.segments + 1)
+            state = transition.State(control[1], control[3], state.segments + 1)
             if np.array_equal(state.position, field.goal):
                 break
         return [np.stack(chain)] if chain else []

@@ -13,8 +13,8 @@ from typing import Any
 
 from agents import machine, shelf
 from agents.policies import FROM, SHIELDED, is_planner, make_planner, plain_agent
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 from planners.interface import Seconds
 
 LIBRARIES = (

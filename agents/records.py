@@ -17,12 +17,12 @@ from numpy.typing import NDArray
 from agents.flights import Flight
 from agents.hands import Hand
 from agents.metrics import path_share
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paper import is_from_paper
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import gap
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.paper_fields import is_from_paper
 from planners.interface import Decision, WindowReport
-from planners.shortest import gap
 
 Pack = dict[str, NDArray[Any]]
 """Records and traces of flights as arrays."""

@@ -12,10 +12,10 @@ from agents.flight_table import read
 from agents.report_flights import BUDGET, browser
 from agents.statistics import caution, summary
 from agents.summaries import timed
-from ferguson_gym.arrays import LARGEST
-from ferguson_gym.fields import Field
-from ferguson_gym.files import written_whole
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.runtime.arrays import LARGEST
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 
 REPORT = "report.html"
 _TEMPLATE = "report_template.html"

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from agents.flight_table import FlightTable
 from agents.stored_arrays import reason
-from ferguson_gym import catalog
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import BOUNDS, Field
-from ferguson_gym.obstacles import Discs
-from planners.pieces import ShortestPath
-from planners.shortest import shortest_path
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world import field_names
+from ferguson_gym.world.field import BOUNDS, Field
+from ferguson_gym.world.obstacles import Discs
 
 BUDGET = 4_000_000
 """Characters that flights and fields may take."""
@@ -264,8 +264,8 @@ def _field(name: str, fields: Mapping[str, Field]) -> dict[str, Any]:
 def _by_name(name: str) -> Field | None:
     """A field that its name alone says how to draw; never a file, which may be another."""
     try:
-        catalog.family(name)
-        return catalog.one(name)
+        field_names.family(name)
+        return field_names.one(name)
     except ValueError:
         return None
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.metrics import CONFIDENCE, Interval
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 
 RESAMPLES = 1000
 """Of a bootstrap; its intervals are percentiles."""

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.records import Record
-from ferguson_gym.arrays import Array
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
 
 FLIGHT_COLUMNS = (
     "policy",

@@ -12,7 +12,7 @@ from pathlib import Path
 from agents import models
 from agents.cards import CARD
 from agents.model import MODEL
-from planners.extras import installing
+from ferguson_gym.runtime.optional_dependencies import installing
 
 SHIPPED = Path(__file__).parent / "shipped"
 """A directory with `model.zip` and `model.json` for each shipped agent."""

@@ -27,15 +27,15 @@ import numpy as np
 
 from agents.hands import Hand
 from agents.policy_interface import Policy
-from ferguson_gym import flight
-from ferguson_gym.actions import Action, encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.observing import observe_one
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import Settings
-from planners.distance import distance_to_go
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 from planners.guided import Guided
 from planners.interface import Decision, Replanner, State, WindowReport
 from planners.rollout import successor
@@ -55,9 +55,9 @@ _SEEN = Settings()
 class _Proposal:
     """What the agent would do in a state, certified."""
 
-    vehicle: flight.State
+    vehicle: transition.State
     action: Action | None
-    step: flight.Step | None
+    step: transition.Step | None
     """Where that leads; None if the agent gave up."""
 
     @property
@@ -88,11 +88,11 @@ class Shield:
         self._field, self._seed = field, seed
         self._last: tuple[State, Array] | None = None
         self._ahead: _Proposal | None = None
-        self._way_on: tuple[flight.State, Decision] | None = None
+        self._way_on: tuple[transition.State, Decision] | None = None
         self._nearest, self._wasted = math.inf, 0
         self.hands, self.decisions = [], []
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The agent's action if it passes the check, else the planner's.
 
         None, which ends the flight, where the planner finds nothing and the agent's segment is
@@ -123,14 +123,14 @@ class Shield:
         self._note(hand, Decision(meant, report))
         return proposal.action
 
-    def _measure(self, vehicle: flight.State) -> None:
+    def _measure(self, vehicle: transition.State) -> None:
         """Note how near to the goal the flight was, and how often the agent led no nearer."""
         distance = self._distance(vehicle)
         if distance >= self._nearest and self.hands[-1:] == [Hand.AGENT]:
             self._wasted += 1
         self._nearest = min(distance, self._nearest)
 
-    def _distance(self, vehicle: flight.State) -> float:
+    def _distance(self, vehicle: transition.State) -> float:
         """The length of the shortest path to the goal [m]; infinite without one."""
         (distance,), _ = distance_to_go(self._field)(vehicle.position[None])
         return float(distance)
@@ -139,17 +139,17 @@ class Shield:
         self.hands.append(hand)
         self.decisions.append(decision)
 
-    def _proposal(self, observation: Observation, vehicle: flight.State) -> _Proposal:
+    def _proposal(self, observation: Observation, vehicle: transition.State) -> _Proposal:
         """What the agent proposes; it is asked now, or was asked ahead."""
         if self._ahead is not None and _same(self._ahead.vehicle, vehicle):
             return self._ahead
         return self._ask(observation, vehicle)
 
-    def _ask(self, observation: Observation, vehicle: flight.State) -> _Proposal:
+    def _ask(self, observation: Observation, vehicle: transition.State) -> _Proposal:
         action = self._agent.act(observation, vehicle)
         if action is None:
             return _Proposal(vehicle, None, None)
-        step = flight.advance(self._field, vehicle, action, self._planner.limits)
+        step = transition.advance(self._field, vehicle, action, self._planner.limits)
         return _Proposal(vehicle, action, step)
 
     def _hand(self, state: State, proposal: _Proposal) -> Hand:
@@ -194,7 +194,7 @@ class Shield:
         return flown, np.stack([step.control, ahead.step.control])
 
 
-def _same(one: flight.State, other: flight.State) -> bool:
+def _same(one: transition.State, other: transition.State) -> bool:
     """Whether two states are equal to the bit."""
     return (
         one.segments == other.segments

@@ -8,11 +8,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from agents.flights import Flight
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.splines import derivative, evaluate
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 
 OPENING, MOVE, END = 1.2, 0.05, 4.0
 """Seconds that a frame is shown: before the flight, on the move, at the end."""

@@ -20,10 +20,10 @@ from rich.table import Table
 
 from agents import tables
 from agents.terminal import Terminal
-from ferguson_gym import drawing
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.files import written_whole
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field import Field
 from planners.certification import Certified, WindowSolver
 from planners.exchange import ByExchange
 from planners.interface import depart

@@ -21,7 +21,7 @@ from scipy.stats import binomtest, norm, trim_mean
 from agents.flight_table import FlightTable, read
 from agents.metrics import CONFIDENCE, Interval, quantile, share_within
 from agents.resampling import RESAMPLES, percentiles, resampled_means, resampled_quartile_means
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 
 TIE = 1e-5
 """Lengths [m] that differ by no more are alike: the tolerance of every test of a flight."""

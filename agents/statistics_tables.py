@@ -11,8 +11,8 @@ from rich.text import Text
 from agents.statistics import caution
 from agents.summaries import timed
 from agents.tables import empty_table
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paper import TABLE_I
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.paper_fields import TABLE_I
 
 _NONE = "-"
 _TO = "\N{EN DASH}"

@@ -22,11 +22,11 @@ from agents.architecture import architecture_of
 from agents.cards import CARD, Card, read_card, write_card
 from agents.forward import Forward
 from agents.model import MODEL, Model, Network, directory_of
-from ferguson_gym.actions import Action
-from ferguson_gym.files import written_whole
-from ferguson_gym.interface import action_space, observation_space
-from ferguson_gym.observations import Observation
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.spaces import action_space, observation_space
+from ferguson_gym.world.actions import Action
 
 BLOCK = 16
 """Rows that a network is asked about at a time."""

@@ -22,8 +22,8 @@ from agents.jobs import Job
 from agents.terminal import Terminal
 from agents.training import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
 from agents.training_recipe import read
-from ferguson_gym.spelling import meant
-from planners.extras import installing
+from ferguson_gym.runtime.optional_dependencies import installing
+from ferguson_gym.runtime.suggestions import meant
 
 MOST = 100_000
 """Fields on which a model is judged."""

@@ -14,7 +14,7 @@ from typing import Any, Protocol, cast
 from agents.jobs import Job
 from agents.terminal import Terminal
 from agents.training_recipe import Recipe
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
 
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
 """Fields by which the best model is chosen, and of which it is told how it flies."""

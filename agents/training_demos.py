@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 from stable_baselines3.common.buffers import DictReplayBuffer
 
 from agents.lessons import COLUMNS, row
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import as_field
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import as_field
 
 _TOGETHER = 256
 """Flights that are flown again at a time."""
@@ -120,10 +120,10 @@ def rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
     """
     for number, name in enumerate(flights.fields):
         field = as_field(name)
-        vehicle, told = flight.depart(field), []
+        vehicle, told = transition.depart(field), []
         for action in flights.actions[flights.offsets[number] : flights.offsets[number + 1]]:
             told.append(row(number, vehicle, action))
-            step = flight.advance(field, vehicle, action)
+            step = transition.advance(field, vehicle, action)
             if not step.flown:
                 raise ValueError(_ends_early(name))
             vehicle = step.state

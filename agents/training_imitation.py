@@ -40,10 +40,10 @@ from agents.training_record import Record
 from agents.training_sb3 import card_for, starting_model
 from agents.vec_env import ObstacleFieldVecEnv
 from agents.visits import Visit, Visited, under_way
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
-from ferguson_gym.files import written_whole
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world.field_names import select
 from planners.catalog import make
 from planners.interface import Replanner
 

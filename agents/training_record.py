@@ -19,8 +19,8 @@ from agents.model import MODEL
 from agents.results import write_csv
 from agents.torch_models import Learned
 from agents.training import Run
-from ferguson_gym.catalog import select
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field_names import select
 
 CURVE = "curve.csv"
 _COLUMNS = ("steps", "minutes", "success", "spl", "gap")

@@ -29,7 +29,7 @@ from agents.training_pace import Falling, Pace, Stop, stop_on_interrupt
 from agents.training_recipe import slope
 from agents.training_record import Record, card_of
 from agents.vec_env import ObstacleFieldVecEnv
-from ferguson_gym.catalog import select
+from ferguson_gym.world.field_names import select
 
 CHECKPOINT_SECONDS = 300.0
 """Between checkpoints; one more is written when a training stops."""

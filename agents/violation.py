@@ -2,7 +2,7 @@
 
 An error of a tenth of a metre costs nothing in the open and a flight beside an obstacle; the
 likelihood of an expert's action cannot tell. Sampled, not certified: what is flown is judged by
-`ferguson_gym.feasibility`, as ever.
+`ferguson_gym.world.feasibility`, as ever.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import torch
 from torch import Tensor
 
-from ferguson_gym.actions import AHEAD, BEND, REACH, STEEPEST
-from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.world.actions import AHEAD, BEND, REACH, STEEPEST
+from ferguson_gym.world.limits import PAPER_LIMITS
 
 CLEARANCE = 0.35
 """From which on nearness to obstacles costs nothing [m]."""

@@ -26,15 +26,15 @@ from agents.lessons import COLUMNS, row
 from agents.model import Network
 from agents.torch_models import Learned
 from agents.worker_processes import deaths_told
-from ferguson_gym import flight
-from ferguson_gym.actions import Action, encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.observing import observe_one
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 from planners.catalog import make
-from planners.distance import distance_to_go
 from planners.interface import Replanner, State
 
 _ASTRAY = 0.7
@@ -79,7 +79,7 @@ class Visited:
 class _Flight:
     """One of them, under way."""
 
-    def __init__(self, seed: int, field: Field, vehicle: flight.State) -> None:
+    def __init__(self, seed: int, field: Field, vehicle: transition.State) -> None:
         self.seed, self.field, self.vehicle = seed, field, vehicle
         self.rows: list[list[float]] = []
 
@@ -136,7 +136,7 @@ def _visit(asked: Visit, network: Network) -> Visited:
     for seed in asked.seeds:
         field = settings.field(seed)
         scattered = stream.random() < asked.scattered
-        vehicle = somewhere(field, stream) if scattered else flight.depart(field)
+        vehicle = somewhere(field, stream) if scattered else transition.depart(field)
         flights.append(_Flight(seed, field, vehicle))
     steps = failures = 0
     for one in flights:
@@ -158,18 +158,18 @@ def _step(one: _Flight, action: Action, planner: Replanner) -> tuple[bool, bool]
     if chain is not None:
         lesson = encode(chain[0], vehicle.position, vehicle.derivative)
         one.rows.append(row(one.seed, vehicle, lesson))
-    step = flight.advance(one.field, vehicle, action)
+    step = transition.advance(one.field, vehicle, action)
     refused = not step.flown
     if refused:
         for near in one.rows[-_NEAR:]:
             near[-1] = 1.0
     if refused and lesson is not None:
-        step = flight.advance(one.field, vehicle, lesson)
+        step = transition.advance(one.field, vehicle, lesson)
     one.vehicle = step.state
     return step.outcome is not Outcome.FLYING, refused
 
 
-def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
+def somewhere(field: Field, stream: np.random.Generator) -> transition.State:
     """A free place of a field anywhere, on the way to the goal or astray."""
     togo = distance_to_go(field)
     while True:
@@ -182,7 +182,7 @@ def somewhere(field: Field, stream: np.random.Generator) -> flight.State:
     slope = median * np.exp(spread * stream.normal()) * way
     whole = float(np.linalg.norm(field.goal - field.start))
     flown = max(0, round((whole - float(distance[0])) / _STRIDE))
-    return flight.State(place, np.array([slope.real, slope.imag]), flown)
+    return transition.State(place, np.array([slope.real, slope.imag]), flown)
 
 
 @lru_cache(maxsize=2)

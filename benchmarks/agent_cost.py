@@ -30,8 +30,8 @@ from agents.policies import make_policy
 from agents.policy_interface import Policy
 from agents.terminal import Terminal
 from agents.warm_up import warm_policy
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
 from planners.exchange import ByExchange
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp

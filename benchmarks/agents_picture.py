@@ -33,10 +33,10 @@ from agents.flights import fly_by_name
 from agents.pictures import check_target
 from agents.policies import make_policy
 from agents.training_record import CURVE
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
-from ferguson_gym.drawing import style
-from ferguson_gym.files import written_whole
+from ferguson_gym.rendering.drawing import style
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field_names import select
 
 MARKS = "os^Dv*"
 """Of runs, in their order."""

@@ -13,7 +13,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ferguson_gym.catalog import select
+from ferguson_gym.world.field_names import select
 from planners.interface import Plan, depart
 from planners.receding_horizon import RecedingHorizon
 from planners.window import WindowSettings

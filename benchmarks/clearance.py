@@ -11,10 +11,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ferguson_gym.clearance import clearance, closest, is_clear
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.paper import paper_field
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.clearance import clearance, closest, is_clear
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.paper_fields import paper_field
 
 SEGMENTS, REPEATS = 2000, 9
 

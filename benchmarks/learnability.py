@@ -28,11 +28,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from agents.vec_env import ObstacleFieldVecEnv
-from ferguson_gym.catalog import select
-from ferguson_gym.files import written_whole
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.vector_environment import VectorObstacleField
-from planners.shortest import exact_length
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.outcome import Outcome
 
 ENVIRONMENTS = 256
 EVERY = 500_000

@@ -18,11 +18,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from stable_baselines3 import PPO
 
-from ferguson_gym.catalog import one
-from ferguson_gym.drawing import START, draw_field, draw_path, draw_refused, style
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.outcome import Outcome
-from planners.shortest import shortest_path
+from ferguson_gym.rendering.drawing import START, draw_field, draw_path, draw_refused, style
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.outcome import Outcome
 
 FIELDS = ("standard/validation:200", "standard/validation:201", "standard/validation:202")
 AROUND = 0.74

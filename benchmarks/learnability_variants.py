@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from ferguson_gym.actions import decode, encode
+from ferguson_gym.world.actions import decode, encode
 
 CHOSEN: dict[str, Any] = {"observation": "rays"}
 """Arguments of the environment, where a variant does not say otherwise."""

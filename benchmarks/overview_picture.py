@@ -22,21 +22,22 @@ from matplotlib.lines import Line2D
 
 from agents import models, shelf
 from agents.flights import Flight, fly_by_name
-from agents.imagined import Imagined
 from agents.imagining import LASTING, SPREAD
 from agents.model import Model
 from agents.policies import plain_agent
-from ferguson_gym import drawing, flight
-from ferguson_gym.actions import decode
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.files import written_whole
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.observing import observe_one
-from ferguson_gym.paths import Path as Flown
-from ferguson_gym.splines import evaluate
-from planners.shortest import shortest_path
+from ferguson_gym.curves.path import Path as Flown
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.simulated_rollouts import Imagined
+from ferguson_gym.world import transition as flight
+from ferguson_gym.world.actions import decode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
 
 FIELD = "standard/validation:8"
 OPTIMISER, AGENT, EXACT = "multi-start", "best", "guided"

@@ -17,12 +17,12 @@ from joblib import Parallel, delayed
 from rich.console import Console
 from rich.table import Table
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import START_SPEED, Field
-from ferguson_gym.flight import State
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.paper import TABLE_I
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import START_SPEED, Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.paper_fields import TABLE_I
+from ferguson_gym.world.transition import State
 from planners.interface import Plan, depart
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon

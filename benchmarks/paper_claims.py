@@ -32,12 +32,12 @@ from agents.pictures import check_target
 from agents.resampling import percentiles, resampled_means
 from agents.statistics import mcnemar
 from agents.warm_up import warm
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
 from planners.interface import Plan, depart
-from planners.shortest import exact_length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,8 +12,8 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from agents.metrics import Interval
-from ferguson_gym.drawing import style
-from ferguson_gym.files import written_whole
+from ferguson_gym.rendering.drawing import style
+from ferguson_gym.runtime.atomic_files import written_whole
 
 if TYPE_CHECKING:
     from paper_claims import Row

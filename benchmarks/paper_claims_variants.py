@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ferguson_gym import flight
-from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world import transition
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.certification import WindowSolver
 from planners.exchange import ByExchange
 from planners.interface import Planner
@@ -40,7 +40,7 @@ def _limits(longest: float) -> Limits:
 
 def _many(starts: int = 10, alpha: float = 0.2, longest: float = 15.0) -> Variant:
     # an action reaches no farther than the paper's longest segment
-    follow = flight.follow if longest <= PAPER_LIMITS.longest else flight.follow_exactly
+    follow = transition.follow if longest <= PAPER_LIMITS.longest else transition.follow_exactly
     return Variant(
         RecedingHorizon(
             random_starts=starts,

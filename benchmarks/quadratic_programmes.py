@@ -21,8 +21,8 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.solver_bench import take_windows
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field_names import select
 from planners.multi_start import MultiStart
 from planners.receding_horizon import RecedingHorizon
 

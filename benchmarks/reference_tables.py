@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ferguson_gym.files import written_whole
+from ferguson_gym.runtime.atomic_files import written_whole
 
 KEPT = Path(__file__).parent.parent / "docs" / "results"
 """A JSON file for each evaluation."""

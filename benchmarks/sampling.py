@@ -11,10 +11,10 @@ import sys
 
 import numpy as np
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import select
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import depart
 from planners.receding_horizon import RecedingHorizon
 from planners.solvers import Slsqp

@@ -13,10 +13,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from ferguson_gym.catalog import select
-from planners.classes import classes
-from planners.distance import DistanceToGo
-from planners.shortest import shortest_path
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths.homotopy_classes import classes
+from ferguson_gym.world.field_names import select
 
 T = TypeVar("T")
 POINTS = np.random.default_rng(0).uniform(0.0, 100.0, (1000, 2))

@@ -21,8 +21,8 @@ from rich.progress import track
 from rich.table import Table
 
 from agents.solver_bench import Task, take_windows
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import select
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field_names import select
 from planners import sqp
 from planners.certification import Certified
 from planners.multi_start import MultiStart

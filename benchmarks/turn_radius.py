@@ -15,13 +15,13 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.turn_radius import keeps_turn_radius
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.guided import Guided
 from planners.interface import Plan, depart
-from planners.shortest import exact_length, gap
 
 RADII = (None, 2.5, 3.0, 5.0)
 """Least turn radii [m]; None turns at will."""

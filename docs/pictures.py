@@ -18,8 +18,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from ferguson_gym.catalog import one
-from ferguson_gym.drawing import (
+from ferguson_gym.rendering.drawing import (
     HORIZON,
     OBSTACLE_EDGE,
     SEEN,
@@ -27,14 +26,15 @@ from ferguson_gym.drawing import (
     draw_path,
     style,
 )
-from ferguson_gym.files import written_whole
-from ferguson_gym.flight import State
-from ferguson_gym.observing import observe_one
-from ferguson_gym.settings import Settings
-from ferguson_gym.suites import SUITES
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.suites import SUITES
+from ferguson_gym.world.transition import State
 from planners.catalog import make
 from planners.interface import depart
-from planners.shortest import shortest_path
 
 _FLOWN = 5
 """Segments flown before the vehicle is looked at."""

@@ -36,10 +36,10 @@ from agents.flights import fly
 from agents.policies import make_policy
 from agents.policy_interface import Policy
 from agents.vec_env import ObstacleFieldVecEnv
-from ferguson_gym import flight
-from ferguson_gym.actions import encode
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
+from ferguson_gym.world import transition as flight
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
 
 SEEN = {"suite": "sparse", "observation": "rays", "rays": 64, "view": 30.0}
 NETWORK = {"net_arch": [64, 64], "log_std_init": -1.5}  # small actions: most large ones are refused

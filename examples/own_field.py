@@ -27,10 +27,10 @@ from matplotlib.patches import Rectangle
 
 from agents.flights import Flight, fly
 from agents.policies import make_policy
-from ferguson_gym.drawing import draw_field, draw_path
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field, to_json
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.rendering.drawing import draw_field, draw_path
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field, to_json
+from ferguson_gym.world.obstacles import Discs
 
 SIDES = ("x", "y", "width", "depth")
 

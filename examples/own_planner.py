@@ -22,11 +22,11 @@ from agents.flights import Flight, fly
 from agents.planner_policies import expert
 from agents.policies import make_policy
 from agents.policy_interface import Policy
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.rollout import arriving, rest, roll_out
 from planners.starts import through

@@ -19,9 +19,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 import numpy as np
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one, select
-from ferguson_gym.drawing import (
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import basis, evaluate
+from ferguson_gym.rendering.drawing import (
     HORIZON,
     SEEN,
     SEGMENTS,
@@ -30,13 +30,13 @@ from ferguson_gym.drawing import (
     draw_path,
     style,
 )
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.paper import TABLE_I
-from ferguson_gym.splines import basis, evaluate
+from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.paper_fields import TABLE_I
 from planners.catalog import multi_start
 from planners.interface import depart
 from planners.multi_start import MultiStart
-from planners.shortest import exact_length, shortest_path
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--seeds", type=int, default=5, help="flights through each field")

@@ -8,24 +8,18 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym import batch
-from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array, shortened
-from ferguson_gym.batch import INFOS
-from ferguson_gym.catalog import as_field
-from ferguson_gym.fields import Field
-from ferguson_gym.fleet import NOT_STARTED, Fleet
-from ferguson_gym.flight import State
-from ferguson_gym.interface import (
-    action_space,
-    as_actions,
-    as_seed,
-    known_options,
-    observation_space,
-)
-from ferguson_gym.observations import Observation, entries_of
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array, shortened
+from ferguson_gym.simulation import step_kernel
+from ferguson_gym.simulation.batch_simulator import NOT_STARTED, Fleet
+from ferguson_gym.simulation.observations import Observation, entries_of
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import as_field
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import State
 
 RENDER_MODES = ("human", "rgb_array")
 
@@ -42,7 +36,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     ## Action space
     `Box(-1, 1, (4,), float32)`, in the frame turned with the vehicle. Zero flies 9 m
     straight ahead. Every feasible segment has exactly one action
-    (`ferguson_gym.actions.encode`).
+    (`ferguson_gym.world.actions.encode`).
 
     | entry | means | -1 | 0 | +1 |
     | --- | --- | --- | --- | --- |
@@ -111,7 +105,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | key | type | holds |
     | --- | --- | --- |
     | is_success | bool | the flight ended on the goal |
-    | outcome | int | code of `ferguson_gym.outcome.Outcome`; 0 while flying |
+    | outcome | int | code of `ferguson_gym.world.outcome.Outcome`; 0 while flying |
     | path_length | float | flown so far [m] |
     | clearance | float | least clearance so far [m] |
     | segments | int | flown so far |
@@ -168,7 +162,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.render_mode = render_mode
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
-        self._fleet = Fleet(self.settings, 1, batch.DISABLED)
+        self._fleet = Fleet(self.settings, 1, step_kernel.DISABLED)
         self._sizes = self.settings.layout.entries()
         self._field: Field | None = None
         self._viewer: Any = None
@@ -274,7 +268,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         field = self.field
         if self._viewer is None:
             # matplotlib is imported when something is drawn, not when an agent trains
-            from ferguson_gym.viewer import Viewer
+            from ferguson_gym.rendering.viewer import Viewer
 
             self._viewer = Viewer(self.render_mode)
         outcome = Outcome.from_code(int(self._fleet.outcome[0]))

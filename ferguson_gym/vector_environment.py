@@ -12,29 +12,23 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ferguson_gym import batch
-from ferguson_gym.actions import Action
-from ferguson_gym.arrays import Array, shortened
-from ferguson_gym.batch import INFOS, Flags, Records
-from ferguson_gym.catalog import as_field
-from ferguson_gym.fields import Field
-from ferguson_gym.fleet import NOT_STARTED, Fleet
-from ferguson_gym.flight import State
-from ferguson_gym.interface import (
-    action_space,
-    as_actions,
-    as_seed,
-    known_options,
-    observation_space,
-)
-from ferguson_gym.observations import Observation, Single, entries_of
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array, shortened
+from ferguson_gym.simulation import step_kernel
+from ferguson_gym.simulation.batch_simulator import NOT_STARTED, Fleet
+from ferguson_gym.simulation.observations import Observation, Single, entries_of
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation.step_kernel import INFOS, Flags, Records
+from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import as_field
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import State
 
 _MODES = {
-    AutoresetMode.DISABLED: batch.DISABLED,
-    AutoresetMode.NEXT_STEP: batch.NEXT_STEP,
-    AutoresetMode.SAME_STEP: batch.SAME_STEP,
+    AutoresetMode.DISABLED: step_kernel.DISABLED,
+    AutoresetMode.NEXT_STEP: step_kernel.NEXT_STEP,
+    AutoresetMode.SAME_STEP: step_kernel.SAME_STEP,
 }
 
 MOST = 10_000_000
@@ -288,7 +282,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             )
             return None
         if self._viewer is None:
-            from ferguson_gym.viewer import Viewer
+            from ferguson_gym.rendering.viewer import Viewer
 
             self._viewer = Viewer("rgb_array")
         return tuple(

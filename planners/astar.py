@@ -18,13 +18,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import Integers
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
 from planners.interface import Route
 from planners.lines import lines_clear, scene_from
 from planners.shortcut import shortcut
-from planners.tangents import Integers
 
 MOST = 400
 """Steps of the grid along an axis; a wider field gets a coarser grid, so that any field is planned
@@ -48,7 +48,7 @@ class AStar:
         if not 0.0 < self.resolution < math.inf:
             raise ValueError(f"resolution must be positive and finite, got {self.resolution} m")
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The way from the vehicle to the goal; the seed changes nothing.
 
         Raises:

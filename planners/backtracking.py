@@ -21,11 +21,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import follow
-from ferguson_gym.limits import Limits
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.transition import follow
 from planners.certification import WindowSolver
 from planners.interface import Decision, Plan, Replanner, State
 from planners.multi_start import MultiStart, beside

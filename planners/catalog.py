@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ferguson_gym.spelling import meant
+from ferguson_gym.runtime.optional_dependencies import require
+from ferguson_gym.runtime.suggestions import meant
 from planners.astar import AStar
 from planners.backtracking import Backtracking
 from planners.exact import Exact
-from planners.extras import require
 from planners.guided import Guided
 from planners.interface import Iterations, Planner, Replanner
 from planners.margin import Margin
@@ -131,7 +131,7 @@ def make(name: str) -> Planner:
             not fit the planner or has a value that it refuses.
 
     Example:
-        >>> from ferguson_gym.catalog import one
+        >>> from ferguson_gym.world.field_names import one
         >>> from planners.interface import depart
         >>> field = one("sparse/train:0")
         >>> plan = make("shortest").plan(field, depart(field), seed=0)

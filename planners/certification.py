@@ -10,9 +10,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.turn_radius import keeps_turn_radius
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.window import Window
 
 AIM = 1e-6

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array, GenericArray
+from ferguson_gym.runtime.arrays import Array, GenericArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

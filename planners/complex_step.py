@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
+from ferguson_gym.runtime.arrays import Array, GenericArray
 from planners.certification import Solution
 from planners.exchange import Solver
 from planners.problem import Programme

@@ -12,10 +12,10 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array, GenericArray
-from ferguson_gym.limits import Limits
-from ferguson_gym.obstacles import Obstacles
-from ferguson_gym.splines import basis
+from ferguson_gym.curves.splines import basis
+from ferguson_gym.runtime.arrays import Array, GenericArray
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.obstacles import Obstacles
 from planners.quadrature import length_gradients, lengths
 
 Indices = NDArray[np.intp]

@@ -23,9 +23,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
-from ferguson_gym.splines import basis
+from ferguson_gym.curves.splines import basis
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
 
 Integers = NDArray[np.int64]
 Records = NDArray[np.void]

@@ -15,8 +15,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
 
 Indices = NDArray[np.int64]
 

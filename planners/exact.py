@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from ferguson_gym import flight
-from ferguson_gym.fields import Field
-from planners.distance import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
 from planners.interface import Route
 
 SPACING = 0.25
@@ -18,7 +18,7 @@ SPACING = 0.25
 class Exact:
     """The shortest path as a route."""
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The shortest path from the vehicle to the goal; the seed changes nothing.
 
         Raises:

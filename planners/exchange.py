@@ -19,12 +19,12 @@ from typing import Protocol
 
 import numpy as np
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.clearance import least_speed
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import Limits
-from ferguson_gym.splines import basis, extent
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.clearance import least_speed
+from ferguson_gym.curves.splines import basis, extent
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
 from planners.certification import AIM, Certified, Solution, certify
 from planners.constraints import ClearanceAt, Constraint, InsideAt, LengthBounds, SpeedAt
 from planners.problem import Programme

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
 from planners.contacts import (
     CONTACT,
     LOOKS,

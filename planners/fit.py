@@ -10,11 +10,11 @@ import math
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import Limits
-from ferguson_gym.paths import Path
+from ferguson_gym.curves.path import Path
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
 from planners.multi_start import MultiStart, beside
 from planners.sqp import ElasticSqp
 from planners.starts import along
@@ -25,7 +25,7 @@ SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
-def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> Array | None:
+def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
     """The shortest chain (n, 4, 2) found along a route, certified feasible; None without one.
 
     It leaves the vehicle's position with its derivative and ends on the goal.
@@ -50,7 +50,7 @@ def fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> A
     return chain if again is None else again
 
 
-def _fit(points: Array, field: Field, vehicle: flight.State, limits: Limits) -> Array | None:
+def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
     """With as many segments as the length of the points calls for, if that leads to a chain."""
     whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     tried: set[int] = set()

@@ -15,21 +15,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.turn_radius import check_turn_radius, keeps_turn_radius
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.shortest_paths.homotopy_classes import classes
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.certification import Certified, WindowSolver
 from planners.chain import Chain
-from planners.classes import classes
-from planners.distance import distance_to_go
 from planners.exact import SPACING
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart, beside
 from planners.objectives import LengthObjective
-from planners.pieces import ShortestPath
 from planners.rollout import arriving, rest, roll_out
 from planners.starts import along
 from planners.togo_objective import ToGoObjective
@@ -115,7 +115,7 @@ class Guided:
                     yield Start(f"turned to class {rank}", window, guess)
 
     def _along(
-        self, field: Field, vehicle: flight.State, points: Array, length: float
+        self, field: Field, vehicle: transition.State, points: Array, length: float
     ) -> Iterator[tuple[Window, Array]]:
         """Windows and guesses on a route to the goal (m, 2) of some length [m]."""
         for stride in self.strides:
@@ -129,7 +129,7 @@ class Guided:
             )
             yield window, along(vehicle, points, segments, min(length, reach))
 
-    def _turned(self, vehicle: flight.State, points: Array) -> list[Array]:
+    def _turned(self, vehicle: transition.State, points: Array) -> list[Array]:
         """A route after turns into it, where they have a radius."""
         if self.min_turn_radius is None:
             return []
@@ -145,7 +145,7 @@ class Guided:
             every = classes(togo, position, self.classes + self.detours)
             yield from enumerate(every[len(best) :], start=len(best) + 1)
 
-    def window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
+    def window(self, field: Field, vehicle: transition.State, segments: int) -> Window:
         """So many segments, past the obstacles within their reach."""
         return Window(
             chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
@@ -158,7 +158,7 @@ class Guided:
             turn_radius=self.min_turn_radius or 0.0,
         )
 
-    def _final_window(self, field: Field, vehicle: flight.State, segments: int) -> Window:
+    def _final_window(self, field: Field, vehicle: transition.State, segments: int) -> Window:
         window = final_window(field, vehicle, self.limits, self.settings, segments)
         return replace(window, turn_radius=self.min_turn_radius or 0.0)
 
@@ -169,9 +169,9 @@ class Guided:
             return left
         return left if self._flies(field, state.vehicle, left[0]) else None
 
-    def _flies(self, field: Field, vehicle: flight.State, segment: Array) -> bool:
+    def _flies(self, field: Field, vehicle: transition.State, segment: Array) -> bool:
         """Whether a segment can be flown, rounded as actions are."""
-        step = flight.follow(field, vehicle, segment, self.limits)
+        step = transition.follow(field, vehicle, segment, self.limits)
         return step.flown and self._turns(step.control)
 
     def _turns(self, segment: Array) -> bool:
@@ -180,13 +180,13 @@ class Guided:
             return True
         return bool(keeps_turn_radius(segment, self.min_turn_radius, self.limits.tolerance))
 
-    def _holds(self, field: Field, vehicle: flight.State, chain: Array) -> bool:
+    def _holds(self, field: Field, vehicle: transition.State, chain: Array) -> bool:
         """Whether a chain can be flown and, unless it ends on the goal, be continued."""
         if not self._flies(field, vehicle, chain[0]):
             return False
         if np.array_equal(chain[-1, 1], field.goal):
             return True
-        end = flight.State(chain[-1, 1], chain[-1, 3])
+        end = transition.State(chain[-1, 1], chain[-1, 3])
         path = distance_to_go(field).path(end.position)
         if path is None:
             return False

@@ -10,12 +10,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import Limits
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paths import Path
+from ferguson_gym.curves.path import Path
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.outcome import Outcome
 
 
 class Status(Enum):
@@ -50,7 +50,7 @@ class Status(Enum):
 class State:
     """Where a flight is, and what the planner means to fly from there."""
 
-    vehicle: flight.State
+    vehicle: transition.State
     tail: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
     """Segments (m, 4, 2) planned and not flown yet; none at the start."""
     flown: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
@@ -60,7 +60,7 @@ class State:
 
 def depart(field: Field) -> State:
     """The state at the start of a field, with nothing planned."""
-    return State(flight.depart(field))
+    return State(transition.depart(field))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,7 +181,7 @@ class Route:
 class Router(Protocol):
     """Finds routes."""
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """A route from a vehicle to the goal, None if none was found.
 
         Raises:

@@ -20,9 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
-from ferguson_gym.limits import Limits
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.runtime.arrays import Array, GenericArray
+from ferguson_gym.runtime.optional_dependencies import installing
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.obstacles import Discs
 from planners.certification import Solution
 from planners.chain import Chain
 from planners.constraints import (
@@ -33,7 +34,6 @@ from planners.constraints import (
     SpeedAt,
     sample_weights,
 )
-from planners.extras import installing
 from planners.objectives import HorizonObjective
 from planners.problem import Problem, Programme
 from planners.quadrature import lengths

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
 from planners.contacts import Integers
 from planners.expansion import Expansion, Layout
 from planners.turns import LEFT, add_turn_hessian

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from planners.distance import seen
-from planners.tangents import Records, Scene, View, is_clear, scene
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.distance_to_goal import seen
+from ferguson_gym.shortest_paths.tangents import Records, Scene, View, is_clear, scene
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 
 
 def scene_from(
@@ -41,7 +41,7 @@ def scene_from(
 def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
     """Whether straight lines enter no disc and stay inside the bounds: (n,).
 
-    Exact but for the margin of `planners.tangents`, the same as that of shortest paths.
+    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`, the same as that of shortest paths.
 
     Args:
         scene: what can stand in the way.

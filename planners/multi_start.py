@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 from planners.certification import Certified, Solution, certify
 from planners.exchange import ROUNDS
 from planners.sqp import CONVERGED, ElasticSqp, Search, Trail

@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.arrays import Array, GenericArray
+from ferguson_gym.runtime.jit import compiled
 
 _NOTHING = 1e-9
 """The least distance [m]: a chain that ends where it starts must have a value."""

@@ -16,13 +16,13 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from planners.extras import require
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.optional_dependencies import require
+from ferguson_gym.shortest_paths.tangents import Records, scene
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Iterations, Route, Seconds
-from planners.tangents import Records, scene
 from planners.worker import Worker
 
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
@@ -96,7 +96,7 @@ class Ompl:
             raise ValueError(f"patience must be positive, got {self.patience!r} s")
         require(self.algorithm, "ompl", "OMPL")
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """A route from a vehicle to the goal, None if none was found.
 
         It enters no disc and stays inside the bounds, but where the vehicle already violates them
@@ -121,7 +121,7 @@ class Ompl:
             progress=[(asked + seconds, length) for seconds, length in answer.progress],
         )
 
-    def _problem(self, field: Field, vehicle: flight.State, seed: int) -> Problem | None:
+    def _problem(self, field: Field, vehicle: transition.State, seed: int) -> Problem | None:
         """What to ask; None where the vehicle is not free."""
         discs = scene(field)[0].discs.copy()
         tolerance = PAPER_LIMITS.tolerance

@@ -26,11 +26,11 @@ from ompl import base, geometric, util
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import DISC, Records
 from planners.interface import Iterations
 from planners.lines import keeps_clear
 from planners.ompl_router import Algorithm, Answer, Problem
-from planners.tangents import DISC, Records
 from planners.worker import serve
 
 

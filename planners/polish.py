@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym import flight
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.splines import as_control
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import as_control
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.fit import SOLVER
 from planners.window import SETTINGS, final_window
 
@@ -33,7 +33,7 @@ def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> A
         raise ValueError(f"a flight has shape (n, 4, 2) with n >= 1, got {chain.shape}")
     if not np.array_equal(chain[-1, 1], field.goal):
         raise ValueError(f"the flight ends at {chain[-1, 1].tolist()}, not on the goal")
-    vehicle = flight.State(chain[0, 0], chain[0, 2])
+    vehicle = transition.State(chain[0, 0], chain[0, 2])
     window = final_window(field, vehicle, limits, SETTINGS, len(chain))
     (end,) = SOLVER.solve(window, [chain])
     if end.feasible and length(end.control).sum() < length(chain).sum():

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
+from ferguson_gym.runtime.arrays import Array, GenericArray
 from planners.chain import Chain
 from planners.constraints import Constraint
 from planners.objectives import Objective

@@ -20,16 +20,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field, planar_discs
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from planners.distance import DistanceToGo
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
 from planners.guided import Guided
 from planners.interface import Decision, Plan, Replanner, State, WindowReport
-from planners.pieces import ShortestPath
 from planners.rollout import roll_out
 
 SPACING = 0.25
@@ -97,14 +97,14 @@ class Pursuit:
         for chain in self._chains(field, vehicle):
             if not is_feasible(chain, field, self.limits).all():
                 continue
-            if flight.follow(field, vehicle, chain[0], self.limits).flown:
+            if transition.follow(field, vehicle, chain[0], self.limits).flown:
                 seconds = time.perf_counter() - began
                 return Decision(chain, WindowReport(step=vehicle.segments, seconds=seconds))
         decision = self.rescue.decide(field, state, seed)
         report = replace(decision.report, seconds=time.perf_counter() - began)
         return replace(decision, report=report)
 
-    def _chains(self, field: Field, vehicle: flight.State) -> Iterator[Array]:
+    def _chains(self, field: Field, vehicle: transition.State) -> Iterator[Array]:
         """One or two segments on the path, of one stride after the other."""
         path = self._path(field, vehicle.position)
         if path is None:
@@ -161,7 +161,7 @@ def _outside(field: Field, position: Array) -> Array | None:
     return None
 
 
-def _along(vehicle: flight.State, points: Array, stride: float, number: int) -> Array:
+def _along(vehicle: transition.State, points: Array, stride: float, number: int) -> Array:
     """Segments (number, 4, 2) of one stride [m] on a route (m, 2), along its tangents."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(chords)])

@@ -18,8 +18,8 @@ import daqp
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
 from planners.contacts import Integers
 from planners.expansion import Expansion
 from planners.turns import LEFT, SWING

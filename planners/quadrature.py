@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
-from ferguson_gym.splines import basis
+from ferguson_gym.curves.splines import basis
+from ferguson_gym.runtime.arrays import Array, GenericArray
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 _SLOPES = basis(0.5 * (_NODES + 1.0), 1)

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.actions import REACH
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import REACH
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.certification import Certified, WindowSolver
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.multi_start import MultiStart
@@ -60,14 +60,14 @@ class RecedingHorizon:
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
-    follow: flight.Follow = flight.follow
+    follow: transition.Follow = transition.follow
     """How segments are flown: as the environment's actions, `flight.follow_exactly` without."""
     deadline: float = math.inf
     """Time [s] for a decision. When it has passed, the best certified chain found so far is
     flown, or what is left of the last; results then depend on the machine."""
 
     def __post_init__(self) -> None:
-        reach = REACH if self.follow is flight.follow else math.inf
+        reach = REACH if self.follow is transition.follow else math.inf
         if self.limits.longest + self.limits.tolerance > reach:
             raise ValueError(
                 f"an action reaches {reach} m, too short for limits.longest = "
@@ -120,14 +120,16 @@ class RecedingHorizon:
                 break
         return Decision(None, _report(state, "", None, solved, began, until), begun)
 
-    def window(self, field: Field, vehicle: flight.State) -> Window:
+    def window(self, field: Field, vehicle: transition.State) -> Window:
         """What is planned next: three segments, fewer if even the shortest would overshoot."""
         distance = float(np.linalg.norm(field.goal - vehicle.position))
         fit = max(1, int(distance / self.limits.shortest))
         segments = min(self.settings.segments, fit)
         return horizon_window(field, vehicle, self.limits, self.settings, segments)
 
-    def _proposed(self, field: Field, vehicle: flight.State, seed: int) -> list[tuple[str, Array]]:
+    def _proposed(
+        self, field: Field, vehicle: transition.State, seed: int
+    ) -> list[tuple[str, Array]]:
         """What the proposer proposes, if there is one, by name."""
         if self.proposer is None:
             return []
@@ -162,7 +164,7 @@ class RecedingHorizon:
             yield self._drawn(window, vehicle, stream, often * self.draws)
 
     def _drawn(
-        self, window: Window, vehicle: flight.State, stream: np.random.Generator, draws: int
+        self, window: Window, vehicle: transition.State, stream: np.random.Generator, draws: int
     ) -> list[tuple[str, Array]]:
         """The first feasible chain of some draws, for each random start that has one."""
         count = self.random_starts * draws
@@ -177,7 +179,7 @@ class RecedingHorizon:
     def _finish(
         self,
         field: Field,
-        vehicle: flight.State,
+        vehicle: transition.State,
         chain: Array,
         solver: WindowSolver,
         until: float,
@@ -191,7 +193,7 @@ class RecedingHorizon:
     def _final(
         self,
         field: Field,
-        vehicle: flight.State,
+        vehicle: transition.State,
         guess: Array,
         solver: WindowSolver,
         until: float,
@@ -201,7 +203,7 @@ class RecedingHorizon:
         (final,) = solver.solve(window, [guess], until)
         return final
 
-    def _flies(self, field: Field, vehicle: flight.State, end: Certified) -> bool:
+    def _flies(self, field: Field, vehicle: transition.State, end: Certified) -> bool:
         """Whether a chain is certified, and its first segment flies as an action."""
         return end.feasible and self.follow(field, vehicle, end.control[0], self.limits).flown
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import Follow, follow
-from ferguson_gym.flight import State as Vehicle
-from ferguson_gym.limits import Limits
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import Follow, follow
+from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import Plan, Replanner, State, Status
 from planners.starts import shifted
 

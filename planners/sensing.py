@@ -13,12 +13,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import follow
-from ferguson_gym.limits import Limits
-from ferguson_gym.splines import evaluate, subdivide
+from ferguson_gym.curves.splines import evaluate, subdivide
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.transition import follow
 from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 

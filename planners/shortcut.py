@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import Scene
 from planners.lines import lines_clear
-from planners.tangents import Scene
 
 
 def shortcut(scene: Scene, points: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 from threadpoolctl import ThreadpoolController
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 from planners.certification import Solution
 from planners.problem import Programme
 

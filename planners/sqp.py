@@ -22,10 +22,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ferguson_gym.arc_length import length as certified_length
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.curves.arc_length import length as certified_length
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world.obstacles import Discs
 from planners import quadratic
 from planners.certification import AIM
 from planners.definite import make_definite

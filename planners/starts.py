@@ -14,10 +14,10 @@ from typing import Protocol, TypeAlias
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.limits import Limits
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.transition import State
 
 RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
 """Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""

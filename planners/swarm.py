@@ -20,13 +20,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ferguson_gym import flight
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.segments import rooms
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.certified_kernels import rooms
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Evaluations, Route, Seconds
 from planners.swarm_objective import (
     ChainObjective,
@@ -99,7 +99,7 @@ class Swarms:
     """First unknowns are drawn from [-r, r], with log r uniform from this to 1: some chains
     begin near the straight way."""
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The shortest certified chain that any swarm found; None if there was none.
 
         There is none where the goal is further away than the segments left can reach. A budget

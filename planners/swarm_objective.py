@@ -22,13 +22,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import basis
+from ferguson_gym.curves.splines import basis
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
 
 CELLS = 32
 """Along each side of the grid that tells which discs are near a point."""
@@ -75,7 +75,7 @@ class Encoding:
         """How many segments lead over a straight distance [m]; near the goal enough to bend."""
         return max(1, min(FEWEST, int(distance / SHORT)), math.ceil(distance / self.spacing))
 
-    def arrays(self, field: Field, vehicle: flight.State) -> tuple[Array, Array]:
+    def arrays(self, field: Field, vehicle: transition.State) -> tuple[Array, Array]:
         """Base (n + 1, 2, 2), rows point and derivative, and reach (n + 1, 2, 2, 4 n - 2) [m]."""
         way = field.goal - vehicle.position
         n = self.segments(float(np.linalg.norm(way)))
@@ -191,7 +191,7 @@ class ChainObjective:
 
 def chain_objective(
     field: Field,
-    vehicle: flight.State,
+    vehicle: transition.State,
     encoding: Encoding,
     penalties: Penalties,
     limits: Limits = PAPER_LIMITS,

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ferguson_gym.arrays import Array, GenericArray
-from ferguson_gym.compilation import compiled
-from planners.distance import DistanceToGo, depart
-from planners.tangent_graph import Tracks
-from planners.tangents import Scene
+from ferguson_gym.runtime.arrays import Array, GenericArray
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo, depart
+from ferguson_gym.shortest_paths.tangent_graph import Tracks
+from ferguson_gym.shortest_paths.tangents import Scene
 
 _AWAY = 1e-6
 """How far outside a disc a point is moved that lies in it [m]."""

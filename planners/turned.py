@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.flight import State
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.transition import State
 
 _FAR = 4.0
 """A circle is left for the route's first point this many radii away, or its last."""

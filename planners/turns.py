@@ -17,9 +17,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.compilation import compiled
-from ferguson_gym.turn_radius import too_sharp_at
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world.turn_radius import too_sharp_at
 from planners.contacts import LOOKS, Integers, Piece, Records, row_weights
 
 LEFT, RIGHT = -6, -7

@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 from planners.certification import Certified, WindowSolver
 from planners.multi_start import MultiStart
 from planners.objectives import HorizonObjective, LengthObjective

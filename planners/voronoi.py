@@ -23,9 +23,9 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Voronoi
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
 from planners.interface import Route
 from planners.lines import lines_clear, scene_from
 
@@ -45,7 +45,7 @@ class VoronoiEdges:
         if self.per_side < 1:
             raise ValueError(f"each side needs at least 1 point, got {self.per_side}")
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The shortest way from the vehicle to the goal; the seed changes nothing.
 
         Raises:

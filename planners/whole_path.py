@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.fit import fit
 from planners.interface import (
     CrashedError,

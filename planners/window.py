@@ -8,11 +8,11 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import Limits
-from ferguson_gym.obstacles import Obstacles
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.obstacles import Obstacles
 from planners.chain import Chain
 from planners.constraints import Constraint, LengthBounds, SampledClearance, sample_weights
 from planners.objectives import HorizonObjective, LengthObjective, Objective
@@ -107,7 +107,7 @@ def _sampled(window: Window) -> Problem:
 
 def horizon_window(
     field: Field,
-    vehicle: flight.State,
+    vehicle: transition.State,
     limits: Limits,
     settings: WindowSettings,
     segments: int,
@@ -131,7 +131,7 @@ def horizon_window(
 
 def final_window(
     field: Field,
-    vehicle: flight.State,
+    vehicle: transition.State,
     limits: Limits,
     settings: WindowSettings,
     segments: int,

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 from planners.starts import random_chains
 from planners.window import Window, WindowSettings, final_window, horizon_window
 

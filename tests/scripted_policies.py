@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from agents.policies import make_policy
-from ferguson_gym import flight
-from ferguson_gym.actions import Action, encode
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
 
 
 class Always:
@@ -16,12 +16,12 @@ class Always:
 
     def __init__(self, *action: float) -> None:
         self._action = np.array(action, np.float32) if action else None
-        self.asked: list[flight.State] = []
+        self.asked: list[transition.State] = []
 
     def begin(self, field: Field, seed: int) -> None:
         self.asked = []
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         self.asked.append(vehicle)
         return self._action
 
@@ -35,7 +35,7 @@ class Straight:
     def begin(self, field: Field, seed: int) -> None:
         self._goal = field.goal
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         way = self._goal - vehicle.position
         distance = float(np.linalg.norm(way))
         end = vehicle.position + way * min(1.0, self._stride / distance)
@@ -54,7 +54,7 @@ class Noisy:
         self._planner.begin(field, seed)
         self._seed = seed
 
-    def act(self, observation: Observation, vehicle: flight.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         action = self._planner.act(observation, vehicle)
         if action is None:
             return None

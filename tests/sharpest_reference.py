@@ -4,8 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 
-from ferguson_gym.arrays import Array
-from ferguson_gym.splines import derivative
+from ferguson_gym.curves.splines import derivative
+from ferguson_gym.runtime.arrays import Array
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 

@@ -3,8 +3,8 @@
 import dataclasses
 from dataclasses import dataclass, replace
 
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State as Vehicle
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.transition import State as Vehicle
 from planners.exact import Exact
 from planners.interface import CrashedError, Iterations, Plan, Route, Seconds, State
 from planners.whole_path import WholePath

@@ -3,9 +3,9 @@
 import numpy as np
 from hypothesis import strategies as st
 
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from planners.pieces import ShortestPath
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 
 
 def random_field(

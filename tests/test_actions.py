@@ -8,11 +8,11 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym.actions import REACH, STEEPEST, decode, encode
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.actions import REACH, STEEPEST, decode, encode
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
 
 PROPERTY = settings(max_examples=200, deadline=None, derandomize=True)
 FAR = np.array([1e6, 1e6])  # a goal that nothing snaps to

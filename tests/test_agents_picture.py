@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib as mpl
 import pytest
 
-from ferguson_gym.catalog import one
+from ferguson_gym.world.field_names import one
 
 pytest.importorskip("stable_baselines3")
 CURVE = "steps,minutes,success,spl,gap\n0,0.5,0.0,0.0,\n1000,1.5,1.0,0.98,0.01\n"

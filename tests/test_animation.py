@@ -17,12 +17,12 @@ from agents.kernels import small_field
 from agents.planner_policies import expert
 from agents.shots import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
 from agents.terminal import Terminal
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one
-from ferguson_gym.drawing import OBSTACLE, SEEN
-from ferguson_gym.fields import Field, to_json
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.rendering.drawing import OBSTACLE, SEEN
+from ferguson_gym.world.field import Field, to_json
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 from planners.catalog import make
 from planners.interface import Replanner, depart
 

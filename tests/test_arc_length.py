@@ -10,8 +10,8 @@ from hypothesis.extra.numpy import arrays
 from numpy.polynomial import Polynomial
 from scipy.integrate import quad
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.splines import to_bezier
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import to_bezier
 
 PROPERTY = settings(max_examples=100, deadline=None, derandomize=True)
 RELATIVE = 1e-9

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
 from planners.backtracking import Backtracking, idle
 from planners.catalog import make, named
 from planners.guided import Guided
@@ -38,7 +38,7 @@ def visiting(*points: tuple[float, float]) -> State:
     knots = np.array(points)
     steps = np.diff(knots, axis=0)
     flown = np.stack([knots[:-1], knots[1:], steps, steps], axis=1)
-    return State(flight.State(knots[-1], steps[-1], len(steps)), flown=flown)
+    return State(transition.State(knots[-1], steps[-1], len(steps)), flown=flown)
 
 
 def test_idle_counts_segments_since_the_nearest_place() -> None:

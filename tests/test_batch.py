@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym.actions import decode, encode
-from ferguson_gym.batch import first_bad
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import Step, advance
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.suites import SUITES, suite_field
+from ferguson_gym.simulation.step_kernel import first_bad
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.actions import decode, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.suites import SUITES, suite_field
+from ferguson_gym.world.transition import Step, advance
 
 NUMBER = 40
 OUTCOMES = {outcome for outcome in Outcome if outcome is not Outcome.GAVE_UP}

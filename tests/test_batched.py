@@ -13,11 +13,11 @@ from agents.batched import fly_batch, score
 from agents.flights import fly
 from agents.model import Model
 from agents.pilots import Pilot
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from planners.shortest import exact_length
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 from tests.small_models import ALGORITHMS, DISCS, RAYS, learned
 
 CROWDED = Field(

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from ferguson_gym.catalog import one, select
-from ferguson_gym.paper import paper_field
-from ferguson_gym.suites import SPLITS, SUITES, suite_field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.paper_fields import paper_field
+from ferguson_gym.world.suites import SPLITS, SUITES, suite_field
 
 DISC = {"centers": [[50.0, 50.0]], "radii": [3.0]}
 

@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given, settings
 from scipy.sparse.csgraph import connected_components
 
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from planners.classes import best_classes, classes
-from planners.distance import DistanceToGo
-from planners.pieces import ShortestPath
-from planners.shortest import shortest_path
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths.homotopy_classes import best_classes, classes
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from tests.taut_paths import assert_is_taut, fields, random_field
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.polynomial import Polynomial
 
-from ferguson_gym.clearance import clearance, closest, is_clear, least_speed
-from ferguson_gym.splines import derivative, evaluate, to_bezier
+from ferguson_gym.curves.clearance import clearance, closest, is_clear, least_speed
+from ferguson_gym.curves.splines import derivative, evaluate, to_bezier
 
 PROPERTY = settings(max_examples=150, deadline=None, derandomize=True)
 SHARP = 3e-10  # of the scale, by the docstrings

@@ -15,9 +15,9 @@ from agents.cards import Card
 from agents.cloning import AVERAGED, Cloner
 from agents.lessons import Lesson, Lessons, row
 from agents.symmetry import mirrored
-from ferguson_gym.actions import encode
-from ferguson_gym.catalog import one, select
-from ferguson_gym.settings import settings_of
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field_names import one, select
 from planners.interface import depart
 from planners.pursuit import Pursuit
 

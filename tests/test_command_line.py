@@ -12,9 +12,9 @@ import pytest
 
 from agents import planning
 from agents.command_line import main
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import to_json
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import to_json
+from ferguson_gym.world.field_names import one
 from planners.catalog import make
 from planners.interface import Route
 

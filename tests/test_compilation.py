@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from ferguson_gym import segments
-from ferguson_gym.compilation import PACKAGES, digest, reachable
+from ferguson_gym.curves import certified_kernels
+from ferguson_gym.runtime.jit import PACKAGES, digest, reachable
 
 ROOT = Path(__file__).parent.parent
 COMPILED = reachable.__module__
@@ -125,7 +125,7 @@ def test_packages_are_those_with_kernels() -> None:
 
 
 def test_machine_code_is_cached_under_the_digest() -> None:
-    assert digest(ROOT) in segments.clearance.__qualname__
+    assert digest(ROOT) in certified_kernels.clearance.__qualname__
 
 
 FLIGHTS = """
@@ -134,7 +134,7 @@ from numba.core.dispatcher import Dispatcher
 from agents.flights import fly
 from agents.policies import expert
 from agents.warm_up import compile_kernels, warm
-from ferguson_gym.catalog import one
+from ferguson_gym.world.field_names import one
 from planners.catalog import PLANNERS
 from tests.quick_planners import quick
 

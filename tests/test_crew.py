@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 
-from ferguson_gym.crew import CLAIMED, DONE, Crew, add, get, new_counters, put
+from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, Crew, add, get, new_counters, put
 from tests.waiting import until
 
 PATIENT = 20_000

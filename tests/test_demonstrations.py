@@ -14,8 +14,8 @@ from agents import demonstrations_making as making
 from agents import demonstrations_work as work
 from agents.demonstrations_episodes import Episode, make_environment, pack, replay, unpack
 from agents.demonstrations_work import Request
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.paths import Path as Flown
+from ferguson_gym.curves.path import Path as Flown
+from ferguson_gym.world.outcome import Outcome
 from planners.catalog import make
 from planners.interface import depart
 from tests.waiting import until

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from planners.distance import DistanceToGo
-from planners.shortest import exact_length
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
 from tests.taut_paths import assert_is_taut, fields, random_field
 
 NAMES = ["standard/validation:3", "dense/validation:0", "forest/validation:1", "traps/validation:2"]

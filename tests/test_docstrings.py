@@ -24,4 +24,8 @@ def test_examples_in_docstrings_run(module: str, capsys: pytest.CaptureFixture[s
 
 
 def test_main_functions_have_examples() -> None:
-    assert {"ferguson_gym.splines", "ferguson_gym.catalog", "planners.catalog"} <= set(MODULES)
+    assert {
+        "ferguson_gym.curves.splines",
+        "ferguson_gym.world.field_names",
+        "planners.catalog",
+    } <= set(MODULES)

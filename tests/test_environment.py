@@ -11,12 +11,12 @@ from hypothesis import strategies as st
 
 import ferguson_gym
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.actions import encode
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.suites import suite_field
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.suites import suite_field
 
 STILL = np.zeros(4, np.float32)
 OPEN = Field(name="open", obstacles=Discs([], []))

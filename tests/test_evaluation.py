@@ -11,13 +11,13 @@ from agents.evaluation import evaluate
 from agents.flights import fly_by_name
 from agents.records import record_of
 from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import PLANNERS, single_start
-from planners.shortest import exact_length
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
 """No flight leaves it: the start touches a disc and faces its centre."""

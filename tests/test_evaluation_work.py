@@ -22,8 +22,8 @@ from agents.evaluation_timing import Timing
 from agents.evaluation_work import WORK, Work
 from agents.hands import Hand
 from agents.records import Record, Trace
-from ferguson_gym.catalog import one, select
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.outcome import Outcome
 
 ALONE = Backend()
 HANDS = tuple(Hand)

@@ -17,12 +17,12 @@ from agents.command_line import main
 from agents.flights import fly
 from agents.planner_policies import expert
 from agents.policies import make_policy
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.paths import Path as Curve
+from ferguson_gym.curves.path import Path as Curve
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from planners.interface import depart
-from planners.shortest import shortest_path
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
 Run = Callable[..., tuple[dict[str, Any], str]]

@@ -9,12 +9,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from random_windows import Case
 
-from ferguson_gym.arc_length import length as certified_length
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import derivative, evaluate
+from ferguson_gym.curves.arc_length import length as certified_length
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 from planners.contacts import HIGH, LOW, NEAR, SPEED
 from planners.expansion import Expansion, Layout, empty_expansion, expand
 from planners.lagrangian import lagrangian

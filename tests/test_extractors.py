@@ -12,13 +12,13 @@ import torch
 from gymnasium import spaces
 
 from agents.extractors import Attention, DeepSets, Plain
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.interface import observation_space
-from ferguson_gym.observing import observe
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.settings import Settings
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.spaces import observation_space
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 
 SETS = (DeepSets, Attention)
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 6}

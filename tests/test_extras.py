@@ -2,7 +2,7 @@
 
 import pytest
 
-from planners.extras import require
+from ferguson_gym.runtime.optional_dependencies import require
 
 
 def test_a_missing_library_is_named_with_the_extra() -> None:

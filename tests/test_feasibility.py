@@ -8,15 +8,15 @@ from hypothesis.strategies import floats
 from numpy.polynomial import Polynomial
 from scipy.optimize import minimize
 
-from ferguson_gym.actions import STEEPEST
-from ferguson_gym.arc_length import length
-from ferguson_gym.feasibility import Inspection, inspect, is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.splines import evaluate
-from ferguson_gym.suites import suite_field
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.world.actions import STEEPEST
+from ferguson_gym.world.feasibility import Inspection, inspect, is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.suites import suite_field
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 ALONG = np.array([0.8, 0.6])

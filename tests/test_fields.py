@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym import clearance
-from ferguson_gym.fields import Field, from_json, to_json
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.curves import clearance
+from ferguson_gym.world.field import Field, from_json, to_json
+from ferguson_gym.world.obstacles import Discs
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
 DISCS = Discs([[50.0, 50.0], [20.0, 30.0]], [10.0, 5.0])

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from ferguson_gym.files import unwritable, written_whole
+from ferguson_gym.runtime.atomic_files import unwritable, written_whole
 
 
 def test_a_block_that_succeeds_replaces_the_file(tmp_path):

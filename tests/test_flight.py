@@ -3,14 +3,21 @@
 import numpy as np
 import pytest
 
-from ferguson_gym.actions import encode
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import inspect
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, advance, advance_all, depart, follow, follow_exactly
-from ferguson_gym.limits import Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.feasibility import inspect
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import (
+    State,
+    advance,
+    advance_all,
+    depart,
+    follow,
+    follow_exactly,
+)
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 AHEAD = np.zeros(4)

@@ -18,14 +18,14 @@ from agents.flights import fly_by_name
 from agents.forward import Forward
 from agents.imagining import Imagining
 from agents.pilots import Pilot, pilot
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation
-from ferguson_gym.observing import observe
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.settings import settings_of
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 
 ROOT = Path(__file__).parent.parent
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 5, "view": 20.0}
@@ -117,7 +117,7 @@ def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     model = models.load(place)
     parts: list[Observation] = []
     for field in select("standard/validation:0-59"):
-        vehicle = flight.depart(field)
+        vehicle = transition.depart(field)
         for control in fly_batch(model, [field])[0].control:
             parts.append(observe(field, [vehicle], model.settings))
             vehicle = State(control[1], control[3], vehicle.segments + 1)
@@ -213,7 +213,7 @@ from agents.batched import fly_batch
 from agents.flights import fly
 from agents.policies import make_policy
 from agents.warm_up import compile_kernels
-from ferguson_gym.catalog import one
+from ferguson_gym.world.field_names import one
 
 def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
@@ -279,14 +279,14 @@ def test_imagined_flights_are_judged_as_flights_are() -> None:
         field = one(name)
         agent = Imagining(Pilot(model), 6)
         agent.begin(field, 0)
-        vehicle, calls, step = flight.depart(field), 0, None
+        vehicle, calls, step = transition.depart(field), 0, None
         while step is None or step.outcome.name == "FLYING":
             calls += agent._expected is None or not np.array_equal(
                 agent._expected[1], vehicle.position
             )
             action = agent.act({}, vehicle)
             assert action is not None
-            step = flight.advance(field, vehicle, action)
+            step = transition.advance(field, vehicle, action)
             vehicle = step.state
         assert calls == 1
         assert not agent._ahead

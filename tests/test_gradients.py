@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ferguson_gym.catalog import one
-from ferguson_gym.flight import depart
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.splines import basis
+from ferguson_gym.curves.splines import basis
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.transition import depart
 from planners.complex_step import ByComplexStep, ComplexStep, complex_step
 from planners.constraints import ClearanceAt, InsideAt, SpeedAt
 from planners.problem import Problem

@@ -4,21 +4,21 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from planners import extras
+from ferguson_gym.runtime import optional_dependencies
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
 from planners.astar import AStar
 from planners.catalog import make
 from planners.interface import Route, Router, Status, depart
-from planners.shortest import exact_length
 from planners.voronoi import VoronoiEdges
 from tests.taut_paths import fields, line_depth
 
-MARGIN = 1.2e-7  # of `planners.tangents` in the bounds of the paper
+MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper
 ROUTERS: dict[str, Router] = {"voronoi": VoronoiEdges(), "astar": AStar()}
 every_router = pytest.mark.parametrize("router", ROUTERS.values(), ids=ROUTERS)
 
@@ -34,7 +34,7 @@ def across(centers: object, radii: object) -> Field:
 
 def route(router: Router, field: Field) -> Route | None:
     """The route from the start, seen to be what it must."""
-    found = router.route(field, flight.depart(field), 0)
+    found = router.route(field, transition.depart(field), 0)
     if found is not None:
         points = found.points
         np.testing.assert_array_equal(points[0], field.start)
@@ -140,7 +140,7 @@ def test_routes_through_the_suites(router: Router, name: str) -> None:
 @every_router
 def test_the_seed_changes_nothing(router: Router) -> None:
     field = one("standard/train:3")
-    first, *others = (router.route(field, flight.depart(field), seed) for seed in (0, 0, 1))
+    first, *others = (router.route(field, transition.depart(field), seed) for seed in (0, 0, 1))
     assert first is not None
     for other in others:
         assert other is not None
@@ -161,7 +161,7 @@ def test_a_closed_ring_leaves_no_route(router: Router, center: tuple[float, floa
 def test_a_vehicle_that_touches_gets_away(router: Router, inside: float, free: bool) -> None:
     field = field_of([[50.0, 50.0]], [10.0])
     for position in ([40.0 + inside, 50.0], [-10.0 - inside, 50.0]):
-        vehicle = flight.State(np.array(position), np.array([5.0, 0.0]), 4)
+        vehicle = transition.State(np.array(position), np.array([5.0, 0.0]), 4)
         found = router.route(field, vehicle, 0)
         assert (found is not None) == free
         if found is not None:
@@ -172,7 +172,7 @@ def test_a_vehicle_that_touches_gets_away(router: Router, inside: float, free: b
 @every_router
 def test_at_the_goal_there_is_nothing_left_to_fly(router: Router) -> None:
     field = field_of([[50.0, 50.0]], [10.0])
-    found = router.route(field, flight.State(field.goal, np.array([5.0, 0.0]), 9), 0)
+    found = router.route(field, transition.State(field.goal, np.array([5.0, 0.0]), 9), 0)
     assert found is not None
     assert found.length == 0.0
     np.testing.assert_array_equal(found.points[[0, -1]], [field.goal, field.goal])
@@ -182,7 +182,7 @@ def test_at_the_goal_there_is_nothing_left_to_fly(router: Router) -> None:
 def test_only_discs_in_the_plane(router: Router) -> None:
     space = field_of([[50.0, 50.0, 50.0]], [10.0], start=(0, 0, 0), goal=(100, 100, 100))
     with pytest.raises(TypeError, match="got Discs in 3 dimensions"):
-        router.route(space, flight.State(space.start, space.departure), 0)
+        router.route(space, transition.State(space.start, space.departure), 0)
 
 
 @given(field=fields())
@@ -205,7 +205,7 @@ def test_plans_are_feasible(name: str) -> None:
 def test_without_networkx_the_catalog_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(extras.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(optional_dependencies.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ValueError, match=r"planner 'astar' needs networkx: .*'\.\[peers\]'"):
         make("astar")
     make("voronoi")

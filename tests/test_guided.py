@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import make
-from planners.distance import DistanceToGo
 from planners.guided import Guided
 from planners.interface import State, Status, depart
-from planners.shortest import exact_length
 from planners.togo_objective import ToGoObjective
 
 
@@ -93,7 +93,7 @@ def test_every_window_can_be_continued() -> None:
         chain = decision.chain
         assert chain is not None
         if not np.array_equal(chain[-1, 1], field.goal):
-            end = flight.State(chain[-1, 1], chain[-1, 3], 3)
+            end = transition.State(chain[-1, 1], chain[-1, 3], 3)
             onward = planner.plan(field, State(end), 0)
             assert len(onward.control) > 0
             assert is_feasible(onward.control, field).all()
@@ -124,6 +124,6 @@ def test_obstacles_that_are_no_discs_are_refused() -> None:
         goal=np.full(3, 10.0),
         bounds=np.array([[-5.0] * 3, [15.0] * 3]),
     )
-    state = State(flight.State(np.zeros(3), np.ones(3)))
+    state = State(transition.State(np.zeros(3), np.ones(3)))
     with pytest.raises(TypeError, match="discs in the plane"):
         Guided().decide(field, state, 0)

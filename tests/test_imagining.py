@@ -14,13 +14,13 @@ from agents.imagining import MOST, Imagining
 from agents.model import Model
 from agents.pilots import Pilot
 from agents.policies import make_policy
-from ferguson_gym import flight
-from ferguson_gym.actions import Action
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.observations import Observation
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 
 
 class Straight:
@@ -86,11 +86,11 @@ def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
     field = one("sparse/train:3")
     agent = Imagining(PILOT, 8)
     agent.begin(field, 0)
-    vehicle = flight.depart(field)
+    vehicle = transition.depart(field)
     action = agent.act({}, vehicle)
     assert action is not None
-    there = flight.advance(field, vehicle, action).state
-    moved = flight.State(there.position + 0.5, there.derivative, there.segments)
+    there = transition.advance(field, vehicle, action).state
+    moved = transition.State(there.position + 0.5, there.derivative, there.segments)
     fresh = Imagining(PILOT, 8)
     fresh.begin(field, 0)
     expected = fresh.act({}, moved)

@@ -12,13 +12,13 @@ import torch
 
 from agents import lessons
 from agents.lessons import COLUMNS, Lesson, Lessons, row
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observing import observe_one
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 
 FIELDS = {seed: one(f"sparse/train:{seed}") for seed in range(4)}
 

@@ -5,14 +5,14 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.shortest_paths.tangents import Scene
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 from planners.lines import lines_clear, scene_from
 from planners.shortcut import shortcut
-from planners.tangents import Scene
 from tests.taut_paths import line_depth, random_field
 
-MARGIN = 1.2e-7  # of `planners.tangents` in the bounds of the paper
+MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper
 
 
 def whole_scene(field: Field) -> Scene:

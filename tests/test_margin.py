@@ -8,11 +8,11 @@ import pytest
 
 from agents.flights import fly
 from agents.policies import make_policy
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.turn_radius import keeps_turn_radius
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.catalog import make
 from planners.guided import Guided
 from planners.interface import Decision, State, depart

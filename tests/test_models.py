@@ -19,7 +19,7 @@ import torch
 from agents import models
 from agents.batched import fly_batch
 from agents.command_line import main
-from ferguson_gym.catalog import select
+from ferguson_gym.world.field_names import select
 from tests.small_models import DISCS, saved
 
 FIELDS = "sparse/train:0-5"
@@ -42,7 +42,7 @@ PROGRAM = """
 import sys
 import numpy as np
 from agents.flights import fly_by_name
-from ferguson_gym.catalog import select
+from ferguson_gym.world.field_names import select
 flights = [fly_by_name(sys.argv[1], field, 0) for field in select(sys.argv[2])]
 np.save(sys.argv[3], np.concatenate([flight.control for flight in flights]))
 """

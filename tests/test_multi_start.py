@@ -12,14 +12,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_windows import GUESSES, NUMBERS, PLACES, SPEEDS, Case, random_case
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, depart
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State, depart
 from planners import interface
 from planners.catalog import make
 from planners.certification import AIM, Certified, WindowSolver

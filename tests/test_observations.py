@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym.actions import STEEPEST, encode
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.suites import SUITES
+from ferguson_gym.world.actions import STEEPEST, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.suites import SUITES
 
 VIEW = 30.0
 CLOSE: dict[str, float] = {"rtol": 0.0, "atol": 2e-6}

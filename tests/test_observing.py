@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.observing import observe, observe_one
-from ferguson_gym.settings import Settings
+from ferguson_gym.simulation.observe import observe, observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import transition
+from ferguson_gym.world.field_names import one
 
 
 @pytest.mark.parametrize(
@@ -44,14 +44,14 @@ def test_nothing_is_seen_of_no_states() -> None:
     field = one("sparse/train:3")
     seen = observe(field, [], Settings())
     assert seen["goal"].shape == (0, 3)
-    (only,) = observe(field, [flight.depart(field)], Settings())["goal"]
+    (only,) = observe(field, [transition.depart(field)], Settings())["goal"]
     assert only[0] > 0.0
 
 
 def test_one_vehicle_sees_what_it_would_among_others() -> None:
     field, settings = one("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
     vehicles = [
-        flight.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)
+        transition.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)
     ]
     together = observe(field, vehicles, settings)
     for k, vehicle in enumerate(vehicles):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State as Vehicle
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import State, Status
 from tests.quick_planners import quick
 

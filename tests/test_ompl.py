@@ -13,14 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import make
 from planners.interface import CrashedError, Iterations, Route, Seconds
 from planners.ompl_router import WORKER, Ompl, shared_worker
-from planners.shortest import exact_length
 from planners.worker import ROOT, Worker
 
 pytest.importorskip("ompl")
@@ -44,7 +44,7 @@ def ring(center: float) -> Field:
 
 
 def found(router: Ompl, field: Field, seed: int = 0) -> Route:
-    route = router.route(field, flight.depart(field), seed)
+    route = router.route(field, transition.depart(field), seed)
     assert route is not None
     return route
 
@@ -134,7 +134,7 @@ def test_the_same_seed_gives_the_same_route_whatever_was_planned_before(
     np.testing.assert_array_equal(first.points, again.points)
     assert not np.array_equal(first.points, other.points)
     # a step has its own randomness
-    moved = flight.State(field.start, field.departure, 1)
+    moved = transition.State(field.start, field.departure, 1)
     later = router.route(field, moved, 7)
     assert later is not None
     assert not np.array_equal(later.points, first.points)
@@ -144,7 +144,7 @@ def test_the_same_seed_gives_the_same_route_whatever_was_planned_before(
 @pytest.mark.parametrize("center", [0.0, 100.0])
 def test_a_walled_in_start_or_goal_leaves_no_route(name: str, center: float) -> None:
     field = ring(center)
-    assert ROUTERS[name].route(field, flight.depart(field), 0) is None
+    assert ROUTERS[name].route(field, transition.depart(field), 0) is None
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -152,7 +152,7 @@ def test_a_budget_in_seconds_is_kept(name: str) -> None:
     found(router := replace(ROUTERS[name], budget=Seconds(0.3)), OPEN)
     began = time.perf_counter()
     field = ring(100.0)
-    assert router.route(field, flight.depart(field), 0) is None
+    assert router.route(field, transition.depart(field), 0) is None
     # a roadmap is not grown on where its next search would end too late
     least = 0.15 if name == "prm" else 0.3
     assert least <= time.perf_counter() - began < 3.0
@@ -163,7 +163,7 @@ def test_without_room_to_draw_from_planning_ends(name: str) -> None:
     # the disc's circle passes through start and goal, and all else is inside
     disc = Discs([[50.0, 50.0]], [50.0 * np.sqrt(2.0)])
     field = Field(name="full", obstacles=disc, bounds=np.array([0.0, 100.0]))
-    assert ROUTERS[name].route(field, flight.depart(field), 0) is None
+    assert ROUTERS[name].route(field, transition.depart(field), 0) is None
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -181,7 +181,7 @@ def test_a_vehicle_may_violate_discs_and_bounds_by_the_tolerance(
     in_disc = Field(name="disc", obstacles=Discs([[0.0, 10.0]], [5.0]))
     outside = Field(name="bound", obstacles=in_disc.obstacles, bounds=np.array([0.0, 100.0]))
     for field, position in ((in_disc, [0.0, 5.0 + beyond]), (outside, [-beyond, 0.0])):
-        vehicle = flight.State(np.array(position), np.array([5.0, 0.0]))
+        vehicle = transition.State(np.array(position), np.array([5.0, 0.0]))
         route = ROUTERS[name].route(field, vehicle, 0)
         assert (route is not None) == free
         if route is not None:
@@ -196,7 +196,7 @@ def test_only_discs_in_the_plane_are_understood() -> None:
         start=np.zeros(3),
         goal=np.full(3, 100.0),
     )
-    vehicle = flight.State(balls.start, balls.departure)
+    vehicle = transition.State(balls.start, balls.departure)
     with pytest.raises(TypeError, match="among discs in the plane, got Discs in 3 dimensions"):
         ROUTERS["rrt"].route(balls, vehicle, 0)
 
@@ -208,7 +208,7 @@ def test_a_worker_killed_in_the_middle_is_a_crash_and_the_next_plan_works() -> N
     killed = threading.Timer(0.5, lambda: os.kill(shared_worker().pid or 0, signal.SIGSEGV))
     killed.start()
     with pytest.raises(CrashedError, match="ended with exit status -11"):
-        endless.route(field, flight.depart(field), 0)
+        endless.route(field, transition.depart(field), 0)
     killed.join()
     np.testing.assert_array_equal(found(ROUTERS["rrt-star"], field).points, before.points)
 
@@ -217,7 +217,7 @@ def test_what_takes_longer_than_patience_is_a_crash() -> None:
     field = one("standard/train:0")
     hasty = replace(ROUTERS["rrt-star"], budget=Iterations(10**9), patience=0.5)
     with pytest.raises(CrashedError, match=r"did not answer within 0\.5 s"):
-        hasty.route(field, flight.depart(field), 0)
+        hasty.route(field, transition.depart(field), 0)
 
 
 def test_a_router_can_be_sent_elsewhere() -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from agents.ompl_log import STATUSES, write
 from agents.planner_runs import Run, measure, run
-from ferguson_gym.catalog import one
+from ferguson_gym.world.field_names import one
 from planners.catalog import PLANNERS
 from planners.interface import Route, depart
 from tests.stub_planners import STUBS

@@ -5,8 +5,8 @@ from typing import Any
 
 import pytest
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.world.field_names import one
 from planners.interface import depart
 
 

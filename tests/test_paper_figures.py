@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from agents.evaluation import evaluate
-from ferguson_gym.catalog import select
-from ferguson_gym.paper import TABLE_I
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.paper_fields import TABLE_I
 
 
 @pytest.mark.slow

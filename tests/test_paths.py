@@ -9,9 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.paths import Path
-from ferguson_gym.splines import evaluate, subdivide
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.path import Path
+from ferguson_gym.curves.splines import evaluate, subdivide
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
 LINE = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 4.0]])

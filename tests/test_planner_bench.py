@@ -15,13 +15,13 @@ from agents.command_line import main
 from agents.planner_bench import COLUMNS, statistics
 from agents.planner_pictures import LEAST_GAP, draw, median_progress
 from agents.planner_runs import FALSE_SUCCESS, Run, certified, measure, run, runs
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import PLANNERS, make
 from planners.interface import Plan, Route, Seconds, State, depart
-from planners.shortest import exact_length
 from planners.whole_path import with_seconds
 from tests.stub_planners import STUBS, Faulty
 

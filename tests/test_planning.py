@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import inspect, is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import derivative, evaluate
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import inspect, is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import PLANNERS, make
 from planners.certification import AIM
 from planners.exchange import ByExchange, broken_rows
@@ -71,7 +71,7 @@ def test_a_flight_that_is_over_needs_no_plan(planner: str) -> None:
     plan = planned(planner, "sparse/train:0")
     there = quick(planner).plan(one("sparse/train:0"), plan.states[-1], 3)
     assert (there.status, there.path, len(there.control)) == (Status.SOLVED, None, 0)
-    late = State(flight.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
+    late = State(transition.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
     assert quick(planner).plan(OPEN, late, 3).status is Status.OUT_OF_SEGMENTS
 
 
@@ -120,7 +120,7 @@ def test_an_open_field_is_flown_straight() -> None:
 @pytest.mark.parametrize("distance", [2.2, 2.5, 3.5, 7.0, 10.0, 40.0])
 def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
     position = OPEN.goal - distance / np.sqrt(2.0)
-    vehicle = flight.State(position, np.array([4.0, 4.0]), 5)
+    vehicle = transition.State(position, np.array([4.0, 4.0]), 5)
     plan = quick(planner).plan(OPEN, State(vehicle), 0)
     assert plan.success
     assert plan.path is not None
@@ -180,8 +180,8 @@ def test_exchange_closes_what_samples_miss() -> None:
     # a disc so small that it hides between the paper's samples of a straight flight
     disc = Discs([[4.7, 4.7]], [0.08])
     field = Field(name="pin", obstacles=disc)
-    window = horizon_window(field, flight.depart(field), PAPER_LIMITS, WindowSettings(), 3)
-    guess = straight(flight.depart(field), 3, PAPER_LIMITS)
+    window = horizon_window(field, transition.depart(field), PAPER_LIMITS, WindowSettings(), 3)
+    guess = straight(transition.depart(field), 3, PAPER_LIMITS)
     problem = window.sampled()
     sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
     assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
@@ -215,15 +215,15 @@ def test_certification_names_the_row_that_is_broken(
 
 
 def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
-    vehicle = flight.depart(OPEN)
+    vehicle = transition.depart(OPEN)
     chain = straight(vehicle, 3, PAPER_LIMITS)
-    guess = shifted(flight.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
+    guess = shifted(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
     np.testing.assert_array_equal(guess[:2], chain[1:])
     np.testing.assert_array_equal(guess[2], chain[2][[1, 1, 3, 3]])
 
 
 def test_random_chains_keep_to_the_step_radii_and_join() -> None:
-    vehicle = flight.depart(OPEN)
+    vehicle = transition.depart(OPEN)
     stream = np.random.default_rng(0)
     chains = random_chains(stream, vehicle, 3, PAPER_LIMITS, 200)
     assert chains.shape == (200, 3, 4, 2)
@@ -238,7 +238,7 @@ def test_random_chains_keep_to_the_step_radii_and_join() -> None:
 
 def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
     field = one("paper:1")
-    vehicle = flight.depart(field)
+    vehicle = transition.depart(field)
     near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
@@ -251,7 +251,7 @@ def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> 
 @pytest.mark.parametrize("number", range(1, 5))
 def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
     field = one(f"paper:{number}")
-    vehicle = flight.depart(field)
+    vehicle = transition.depart(field)
     window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
     chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
     problem, (low, high) = window.sampled(), window.box
@@ -278,7 +278,7 @@ def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
     again = [guess for batch in planner.starts(window, state, 7) for _, guess in batch]
     np.testing.assert_array_equal(again[1:5], randoms[:4])
     flown = State(
-        flight.State(field.start, field.departure, 1), straight(state.vehicle, 2, PAPER_LIMITS)
+        transition.State(field.start, field.departure, 1), straight(state.vehicle, 2, PAPER_LIMITS)
     )
     ((name, guess), *_), *_ = planner.starts(window, flown, 7)
     assert name == "shifted"
@@ -330,7 +330,7 @@ def test_without_any_guess_no_way_on_is_found() -> None:
 def test_segments_flown_without_actions_keep_their_own_limits(longest: float) -> None:
     field = one("sparse/train:0")
     limits = replace(PAPER_LIMITS, longest=longest)
-    planner = RecedingHorizon(limits=limits, follow=flight.follow_exactly)
+    planner = RecedingHorizon(limits=limits, follow=transition.follow_exactly)
     plan = planner.plan(field, depart(field), 0)
     assert plan.success
     control = plan.control
@@ -351,7 +351,7 @@ def test_segments_that_no_action_reaches_are_refused_where_actions_fly_them() ->
     ("distance", "segments"), [(2.0, 1), (5.9, 1), (6.1, 2), (9.1, 3), (80, 3)]
 )
 def test_near_the_goal_fewer_segments_are_planned(distance: float, segments: int) -> None:
-    vehicle = flight.State(OPEN.goal - [0.0, distance], np.array([0.0, 5.0]))
+    vehicle = transition.State(OPEN.goal - [0.0, distance], np.array([0.0, 5.0]))
     assert RecedingHorizon().window(OPEN, vehicle).chain.segments == segments
 
 
@@ -372,10 +372,10 @@ def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
 
 
 def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
-    vehicle = flight.depart(OPEN)
+    vehicle = transition.depart(OPEN)
     chain = straight(vehicle, 3, PAPER_LIMITS)
     # the shifted plan ends in a segment without length: no start is feasible
-    state = State(flight.State(chain[0, 1], chain[0, 3], 1), chain[1:])
+    state = State(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:])
     decision = RecedingHorizon(random_starts=0, deadline=1e-9).decide(OPEN, state, 0)
     assert decision.report.start == "planned"
     assert decision.report.cut_short

@@ -6,9 +6,9 @@ import pytest
 from agents.flights import Flight, fly
 from agents.planner_policies import Replanning, Tracking, expert
 from agents.policies import make_policy
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import PLANNERS, make
 from planners.interface import Plan, Status, depart
 from planners.receding_horizon import RecedingHorizon

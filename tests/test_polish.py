@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import is_feasible
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field_names import one
 from planners.catalog import make
 from planners.certification import AIM
 from planners.interface import depart
 from planners.polish import polish
-from planners.shortest import exact_length
 from tests.quick_planners import quick
 
 

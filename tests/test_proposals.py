@@ -10,12 +10,12 @@ import pytest
 from agents.command_line import main
 from agents.policies import make_planner, make_policy
 from agents.proposals import Proposals
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
 from planners.backtracking import Backtracking
 from planners.catalog import make, multi_start, single_start
 from planners.interface import State, depart
@@ -34,7 +34,7 @@ class Fixed:
     chains: Sequence[Array]
 
     def propose(
-        self, field: Field, state: flight.State, segments: int, seed: int
+        self, field: Field, state: transition.State, segments: int, seed: int
     ) -> Sequence[Array]:
         return self.chains
 
@@ -46,7 +46,7 @@ def noisy(planner: RecedingHorizon) -> RecedingHorizon:
 def test_proposals_are_what_the_policy_would_fly() -> None:
     plan = make("guided").plan(FIELD, depart(FIELD), 0)
     proposals = Proposals(make_policy("guided"))
-    (chain,) = proposals.propose(FIELD, flight.depart(FIELD), 3, 0)
+    (chain,) = proposals.propose(FIELD, transition.depart(FIELD), 3, 0)
     np.testing.assert_array_equal(chain, plan.control[:3])
     (chain,) = proposals.propose(FIELD, plan.states[-2].vehicle, 3, 0)
     np.testing.assert_array_equal(chain[-1, 1], FIELD.goal)
@@ -54,11 +54,11 @@ def test_proposals_are_what_the_policy_would_fly() -> None:
 
 def test_proposals_go_through_what_stands_in_the_way_and_may_be_none() -> None:
     wall = Field(name="wall", obstacles=Discs([[12.0, 12.0]], [6.0]))
-    (chain,) = Proposals(Straight()).propose(wall, flight.depart(wall), 3, 0)
+    (chain,) = Proposals(Straight()).propose(wall, transition.depart(wall), 3, 0)
     assert len(chain) == 3
     np.testing.assert_array_equal(chain[1:, (0, 2)], chain[:-1, (1, 3)])
     assert not is_feasible(chain, wall).any()
-    assert Proposals(Always()).propose(wall, flight.depart(wall), 3, 0) == []
+    assert Proposals(Always()).propose(wall, transition.depart(wall), 3, 0) == []
 
 
 @pytest.mark.parametrize("planner", [single_start, multi_start])
@@ -119,7 +119,7 @@ def test_options_reach_the_planner_inside() -> None:
     inner = planner.planner.planner
     assert isinstance(inner, RecedingHorizon)
     assert inner.proposer is not None
-    assert planner.plan(FIELD, State(flight.depart(FIELD)), 0).success
+    assert planner.plan(FIELD, State(transition.depart(FIELD)), 0).success
 
 
 @pytest.mark.parametrize(

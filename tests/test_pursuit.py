@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import follow
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import follow
 from planners.catalog import make
 from planners.interface import Plan, Replanner, State, Status, depart
 from planners.pursuit import Pursuit, surroundings
-from planners.shortest import exact_length, gap
 
 NAMES = [
     field.name
@@ -146,7 +146,7 @@ def test_from_inside_the_margin_a_flight_steers_back_out(clearance: float) -> No
     field = at((60.0, 0.0, 6.0))
     # beside the disc, on its left, on the way past it
     position = 60.0 * ALONG + (6.0 + clearance) * ACROSS
-    state = State(flight.State(position, 7.0 * ALONG, 9))
+    state = State(transition.State(position, 7.0 * ALONG, 9))
     plan = Pursuit().plan(field, state, 0)
     assert plan.success
     assert field.obstacles.clearance(plan.control).min() >= min(0.0, clearance - 0.1)
@@ -157,7 +157,7 @@ def test_from_inside_the_margin_a_flight_steers_back_out(clearance: float) -> No
 
 def test_from_inside_margins_that_overlap_a_way_is_found() -> None:
     field = at((60.0, 3.6, 3.0), (60.0, -3.6, 3.0), (68.0, 0.0, 3.0))
-    vehicle = flight.State(61.5 * ALONG, 7.0 * (ALONG - ACROSS) / np.sqrt(2.0), 9)
+    vehicle = transition.State(61.5 * ALONG, 7.0 * (ALONG - ACROSS) / np.sqrt(2.0), 9)
     plan = Pursuit().plan(field, State(vehicle), 0)
     assert is_feasible(plan.control, field).all()
     assert plan.success
@@ -218,7 +218,7 @@ def test_decisions_are_steady_under_small_errors_of_the_state() -> None:
         vehicle = state.vehicle
         left = np.array([-vehicle.derivative[1], vehicle.derivative[0]])
         left *= 0.01 / np.linalg.norm(left)
-        beside = flight.State(vehicle.position + left, vehicle.derivative, vehicle.segments)
+        beside = transition.State(vehicle.position + left, vehicle.derivative, vehicle.segments)
         chains = [Pursuit().decide(field, State(one), 0).chain for one in (vehicle, beside)]
         assert chains[0] is not None
         if chains[1] is not None:
@@ -250,7 +250,7 @@ def test_fields_that_are_not_planar_are_refused() -> None:
         bounds=[[-10.0] * 3, [110.0] * 3],
     )
     with pytest.raises(ValueError, match="planar"):
-        Pursuit().plan(ball, State(flight.State(ball.start, ball.departure)), 0)
+        Pursuit().plan(ball, State(transition.State(ball.start, ball.departure)), 0)
 
 
 def test_it_is_in_the_catalog_and_takes_the_options_of_what_decides_step_by_step() -> None:

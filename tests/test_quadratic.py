@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from random_windows import Case
 
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, depart
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State, depart
 from planners import quadratic
 from planners.definite import make_definite
 from planners.expansion import empty_expansion, expand

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.batch import INFOS
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.suites import suite_field
+from ferguson_gym.simulation.step_kernel import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.suites import suite_field
 
 BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
 """A segment that is refused."""

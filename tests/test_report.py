@@ -16,11 +16,11 @@ from agents.comparison_picture import COLOURS
 from agents.report import page, write_report
 from agents.report_flights import draw_chain, draw_shortest
 from agents.statistics import summarise
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import evaluate
-from planners.shortest import shortest_path
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
 from tests.written_results import HOSTILE, STRANGE, chain, write_results, write_three
 
 

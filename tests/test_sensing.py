@@ -8,12 +8,12 @@ import pytest
 
 from agents.flights import fly
 from agents.policies import make_policy
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import make
 from planners.guided import Guided
 from planners.interface import Plan, Replanner, State, depart

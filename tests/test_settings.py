@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym.actions import encode
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.fleet import BLOCK, FIRST
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import MOST_FIELDS, MOST_OBSTACLES, Settings
-from ferguson_gym.suites import SUITES, suite_field
+from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST
+from ferguson_gym.simulation.settings import MOST_FIELDS, MOST_OBSTACLES, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.suites import SUITES, suite_field
 
 ROOT = Path(__file__).parent.parent
 OPEN = Field(name="open", obstacles=Discs([], []))

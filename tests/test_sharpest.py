@@ -9,8 +9,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym.arrays import LARGEST, Array
-from ferguson_gym.splines import derivative, max_curvature, subdivide
+from ferguson_gym.curves.splines import derivative, max_curvature, subdivide
+from ferguson_gym.runtime.arrays import LARGEST, Array
 from tests.sharpest_reference import reference, slowest
 
 PROPERTY = settings(max_examples=40, deadline=None, derandomize=True)

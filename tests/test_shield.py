@@ -10,15 +10,15 @@ from agents.policies import make_policy
 from agents.policy_interface import Policy
 from agents.shield import PATIENCE, Shield
 from agents.statistics_tables import shields
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from planners.distance import distance_to_go
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 from planners.guided import Guided
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.rollout import roll_out
@@ -55,10 +55,10 @@ def shielded(agent: Policy, field: Field) -> Flight:
     return fly(Shield(agent), "shielded", field, 0)
 
 
-def states(flown: Flight) -> list[flight.State]:
+def states(flown: Flight) -> list[transition.State]:
     """Before each step, and the last."""
-    first = flight.depart(flown.field)
-    ends = [flight.State(c[1], c[3], k + 1) for k, c in enumerate(flown.control)]
+    first = transition.depart(flown.field)
+    ends = [transition.State(c[1], c[3], k + 1) for k, c in enumerate(flown.control)]
     return [first, *ends]
 
 
@@ -144,7 +144,7 @@ def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
     shield.begin(OPEN, 0)
     start = env.state
     shield.act(seen, start)
-    elsewhere = flight.State(start.position + np.array([8.0, 7.0]), start.derivative, 1)
+    elsewhere = transition.State(start.position + np.array([8.0, 7.0]), start.derivative, 1)
     action = shield.act(seen, elsewhere)
     assert action is not None
     np.testing.assert_array_equal(action, agent.act(seen, elsewhere))

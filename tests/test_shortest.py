@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from scipy.sparse.csgraph import dijkstra
 
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.paper import paper_field
-from planners.pieces import ShortestPath
-from planners.shortest import exact_length, shortest_path
-from planners.tangents import scene
+from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
+from ferguson_gym.shortest_paths.tangents import scene
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.paper_fields import paper_field
 from tests.taut_paths import assert_is_taut, fields, random_field
 
 # shortest paths to six decimals, found independently

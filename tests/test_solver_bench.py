@@ -8,11 +8,11 @@ import pytest
 
 from agents.command_line import main
 from agents.solver_bench import Solved, excess, take_windows
-from ferguson_gym.catalog import select
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import depart
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import select
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import depart
 from planners.exchange import ByExchange
 from planners.ipopt import Ipopt
 from planners.receding_horizon import RecedingHorizon

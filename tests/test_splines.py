@@ -8,7 +8,7 @@ from hypothesis.extra.numpy import arrays
 from numpy.polynomial import Polynomial
 from scipy.optimize import minimize_scalar
 
-from ferguson_gym.splines import (
+from ferguson_gym.curves.splines import (
     as_control,
     curvature,
     derivative,

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.paper import is_from_paper, latin_hypercube, paper_field
-from ferguson_gym.suites import (
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.paper_fields import is_from_paper, latin_hypercube, paper_field
+from ferguson_gym.world.suites import (
     LAST_SEED,
     SPLITS,
     SUITES,

@@ -6,15 +6,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import evaluate
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
 from planners.catalog import make
 from planners.interface import Evaluations, Route, Seconds
-from planners.shortest import exact_length
 from planners.swarm import Swarms, bees, particles
 from planners.swarm_objective import (
     ChainObjective,
@@ -29,7 +29,7 @@ FEW = Evaluations(20_000)
 
 
 def objective_of(field: Field, encoding: Encoding, penalties: Penalties) -> ChainObjective:
-    return chain_objective(field, flight.depart(field), encoding, penalties)
+    return chain_objective(field, transition.depart(field), encoding, penalties)
 
 
 def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penalties) -> float:
@@ -98,7 +98,7 @@ def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: in
 
 def test_on_the_goal_itself_a_chain_has_no_length() -> None:
     field = Field(name="open", obstacles=Discs([], []))
-    vehicle = flight.State(field.goal, np.array([5.0, 5.0]), 9)
+    vehicle = transition.State(field.goal, np.array([5.0, 5.0]), 9)
     objective = chain_objective(field, vehicle, Encoding(), Penalties())
     assert objective.unknowns == 2
     control = objective.control(np.ones(2))
@@ -115,7 +115,7 @@ def test_halves_are_tents() -> None:
 def test_swarms_are_told_discs_in_the_plane() -> None:
     ball = Discs([[50.0, 50.0, 50.0]], [5.0])
     space = Field(name="space", obstacles=ball, start=(0, 0, 0), goal=(100, 100, 100))
-    vehicle = flight.State(space.start, space.departure)
+    vehicle = transition.State(space.start, space.departure)
     with pytest.raises(TypeError, match="discs in the plane"):
         chain_objective(space, vehicle, Encoding(), Penalties())
 
@@ -136,7 +136,7 @@ def swarms(request: pytest.FixtureRequest) -> Swarms:
 
 
 def routes(swarms: Swarms, field: Field, *seeds: int) -> list[Route]:
-    found = [swarms.route(field, flight.depart(field), seed) for seed in seeds]
+    found = [swarms.route(field, transition.depart(field), seed) for seed in seeds]
     assert all(route is not None for route in found)
     return [route for route in found if route is not None]
 
@@ -173,7 +173,7 @@ def test_a_seed_gives_one_route(swarms: Swarms) -> None:
 
 def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> None:
     field = one("sparse/train:1")
-    start = flight.depart(field)
+    start = transition.depart(field)
     first = swarms.route(field, start, 0)
     later = swarms.route(field, replace(start, segments=3), 0)
     assert first is not None
@@ -184,13 +184,13 @@ def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> N
 def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
     wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     field = Field(name="wall", obstacles=wall)
-    assert swarms.route(field, flight.depart(field), 0) is None
+    assert swarms.route(field, transition.depart(field), 0) is None
 
 
 @pytest.mark.parametrize(("goal", "flown"), [(1e6, 0), (601.0, 0), (100.0, 34)])
 def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, flown: int) -> None:
     field = Field(name="far", obstacles=Discs([], []), goal=(goal, 0.0), bounds=(-1e6, 1e6))
-    vehicle = flight.State(field.start, field.departure, flown)
+    vehicle = transition.State(field.start, field.departure, flown)
     endless = replace(swarms, budget=Evaluations(10**12))
     assert endless.route(field, vehicle, 0) is None
 
@@ -198,6 +198,6 @@ def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, fl
 def test_seconds_end_a_search(swarms: Swarms) -> None:
     field = one("sparse/train:1")
     brief = replace(swarms, budget=Seconds(1e-9))
-    route = brief.route(field, flight.depart(field), 0)
+    route = brief.route(field, transition.depart(field), 0)
     # one look, after the first generations
     assert route is None or route.evaluations < 0.2 * FEW.count

@@ -10,15 +10,15 @@ pytest.importorskip("torch")
 import torch
 
 from agents.symmetry import mirrored
-from ferguson_gym.actions import decode
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observations import Observation
-from ferguson_gym.observing import observe
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.actions import decode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 
 KINDS: list[dict[str, Any]] = [
     {"observation": "discs", "nearest": 5},

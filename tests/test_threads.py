@@ -15,13 +15,13 @@ import numba
 import numpy as np
 import pytest
 
-from ferguson_gym import batch, fleet
-from ferguson_gym.batch import INFOS
-from ferguson_gym.crew import CLAIMED, DONE, add, get, new_counters
-from ferguson_gym.fields import Field
-from ferguson_gym.fleet import BLOCK
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, add, get, new_counters
+from ferguson_gym.simulation import batch_simulator, step_kernel
+from ferguson_gym.simulation.batch_simulator import BLOCK
+from ferguson_gym.simulation.step_kernel import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 from tests.waiting import until
 
 ROOT = Path(__file__).parent.parent
@@ -34,8 +34,8 @@ def compiled() -> None:
     envs = VectorObstacleField(70, fields=1)
     envs.reset(seed=0)
     job = envs._fleet._bare
-    batch.advance(job, new_counters())
-    batch.help_out(job, new_counters(), batch.FROM_BACK, 0)
+    step_kernel.advance(job, new_counters())
+    step_kernel.help_out(job, new_counters(), step_kernel.FROM_BACK, 0)
 
 
 def flown(number: int, seed: int = 0, **arguments: Any) -> bytes:
@@ -58,11 +58,13 @@ def keep_busy(over: threading.Event) -> None:
 
 @pytest.mark.parametrize("kind", ["discs", "rays"])
 def test_nothing_depends_on_threads(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet, "MANY", 10**9)
+    monkeypatch.setattr(batch_simulator, "MANY", 10**9)
     alone = flown(70, observation=kind)
-    monkeypatch.setattr(fleet, "MANY", 2)
+    monkeypatch.setattr(batch_simulator, "MANY", 2)
     for threads in (1, 2, 3, 4, 9):
-        monkeypatch.setattr(fleet.numba, "get_num_threads", lambda threads=threads: threads)
+        monkeypatch.setattr(
+            batch_simulator.numba, "get_num_threads", lambda threads=threads: threads
+        )
         assert flown(70, observation=kind) == alone
     over = threading.Event()
     busy = [threading.Thread(target=keep_busy, args=(over,)) for _ in range(3)]
@@ -77,8 +79,8 @@ def test_nothing_depends_on_threads(kind: str, monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_from_many_vehicles_on_a_crew_helps(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
-    for number, helpers in ((fleet.MANY - 1, 0), (fleet.MANY, 2)):
+    monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 3)
+    for number, helpers in ((batch_simulator.MANY - 1, 0), (batch_simulator.MANY, 2)):
         envs = VectorObstacleField(number, fields=8)
         envs.reset(seed=0)
         before = threading.active_count()
@@ -91,7 +93,7 @@ def test_from_many_vehicles_on_a_crew_helps(monkeypatch: pytest.MonkeyPatch) -> 
 def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
     wait: float, monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
+    monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 4)
     for _ in range(5):
         envs = VectorObstacleField(70, fields=1)
         envs.reset(seed=0)
@@ -109,8 +111,8 @@ def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
 def test_every_vehicle_is_stepped_once_a_step(
     monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 4)
-    number = 9 * batch.CHUNK + 3
+    monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 4)
+    number = 9 * step_kernel.CHUNK + 3
     envs = VectorObstacleField(number, autoreset_mode="Disabled", fields=1, obstacles=0)
     still = np.zeros((number, 4), np.float32)
     for _ in range(150):
@@ -124,7 +126,7 @@ def test_every_vehicle_is_stepped_once_a_step(
 def test_many_environments_in_many_threads(
     monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
-    monkeypatch.setattr(fleet.numba, "get_num_threads", lambda: 3)
+    monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 3)
     expected = [flown(66, seed) for seed in range(6)]
     got: dict[int, bytes] = {}
     threads = [
@@ -154,7 +156,7 @@ def report_done(counters: np.ndarray) -> None:
 
 def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     number = 2048
-    pieces = number // batch.CHUNK
+    pieces = number // step_kernel.CHUNK
     envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=20)
     envs.reset(seed=0)
     job, counters = envs._fleet._bare, new_counters()
@@ -171,7 +173,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
         before, helper = late[0], threading.Thread(target=help_late)
         envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
         helper.start()
-        batch.advance(job, counters)
+        step_kernel.advance(job, counters)
         waited = late[0] > before
         helper.join()
         assert waited == (late[0] > before)

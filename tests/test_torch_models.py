@@ -16,8 +16,8 @@ from agents import models, torch_models, weights
 from agents.batched import fly_batch
 from agents.forward import Forward
 from agents.torch_models import BLOCK, Learned, TorchNetwork, one_thread
-from ferguson_gym.arrays import GenericArray
-from ferguson_gym.catalog import select
+from ferguson_gym.runtime.arrays import GenericArray
+from ferguson_gym.world.field_names import select
 from tests.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
 
 FIELDS = "sparse/train:0-2"

@@ -23,7 +23,7 @@ from agents.training_pace import Falling, Pace, stop_on_interrupt
 from agents.training_recipe import SHIPPED, read
 from agents.training_record import Record
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.catalog import select
+from ferguson_gym.world.field_names import select
 from tests.fuzz.test_files import unfinished_training
 from tests.small_models import same, saved, weights_of
 

@@ -13,8 +13,8 @@ from stable_baselines3.common.buffers import DictReplayBuffer
 
 from agents.training_demos import fill, transitions
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.interface import action_space, observation_space
-from ferguson_gym.settings import settings_of
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.spaces import action_space, observation_space
 
 ENVIRONMENT: dict[str, Any] = {"observation": "rays", "rays": 7, "detour": 2.0}
 

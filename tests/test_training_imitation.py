@@ -29,8 +29,8 @@ from agents.command_line import main
 from agents.lessons import COLUMNS, Lessons
 from agents.training_record import Record
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.actions import encode
-from ferguson_gym.catalog import select
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field_names import select
 from planners.interface import depart
 from planners.pursuit import Pursuit
 from tests.small_models import card_of, same, saved, weights_of
@@ -331,7 +331,7 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
         "import sys, numpy\n"
         "from agents import models\n"
         "from agents.batched import fly_batch\n"
-        "from ferguson_gym.catalog import select\n"
+        "from ferguson_gym.world.field_names import select\n"
         "flights = fly_batch(models.load(sys.argv[1]), select(sys.argv[2]))\n"
         "numpy.save(sys.argv[3], numpy.concatenate([flight.control for flight in flights]))\n"
     )

@@ -3,13 +3,20 @@
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import basis, curvature, derivative, from_bezier, max_curvature, subdivide
-from ferguson_gym.turn_radius import keeps_turn_radius, too_sharp_at
+from ferguson_gym.curves.splines import (
+    basis,
+    curvature,
+    derivative,
+    from_bezier,
+    max_curvature,
+    subdivide,
+)
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.turn_radius import keeps_turn_radius, too_sharp_at
 from planners.catalog import make
 from planners.contacts import CONTACT, Piece, row_weights
 from planners.exchange import ByExchange
@@ -232,7 +239,7 @@ def test_a_detour_is_flown_where_the_way_is_too_sharp() -> None:
 def test_turned_routes_leave_ahead_on_a_circle_and_meet_the_route(off: float) -> None:
     radius, points = 4.0, np.column_stack([np.linspace(0.0, 60.0, 241), np.zeros(241)])
     heading = np.array([np.cos(off), np.sin(off)])
-    routes = turned(flight.State(np.zeros(2), 5.0 * heading), points, radius)
+    routes = turned(transition.State(np.zeros(2), 5.0 * heading), points, radius)
     assert len(routes) == 2
     for route, side in zip(routes, (1.0, -1.0), strict=True):
         steps = np.diff(route, axis=0)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from ferguson_gym.splines import curvature, derivative, subdivide
-from ferguson_gym.turning import bending_energy, fastest_turn, tightest_turn
+from ferguson_gym.curves.splines import curvature, derivative, subdivide
+from ferguson_gym.curves.turning import bending_energy, fastest_turn, tightest_turn
 
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(300)
 LINE = np.array([[0.0, 0.0], [3.0, 4.0], [3.0, 4.0], [3.0, 4.0]])

@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 import pytest
 
-from ferguson_gym.arc_length import length
-from ferguson_gym.catalog import one
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.limits import PAPER_LIMITS
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.certification import Certified
 from planners.interface import depart
 from planners.multi_start import MultiStart

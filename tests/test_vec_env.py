@@ -8,8 +8,8 @@ import pytest
 from gymnasium.wrappers import FlattenObservation
 
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 
 pytest.importorskip("stable_baselines3")
 

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
-from ferguson_gym import fleet
-from ferguson_gym.batch import INFOS
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.suites import SUITES, suite_field
+from ferguson_gym.simulation import batch_simulator
+from ferguson_gym.simulation.step_kernel import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.suites import SUITES, suite_field
 
 FEW = 8
 """Fields that later resets draw from; each scalar environment holds its own."""
@@ -168,7 +168,7 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
         env.np_random.bit_generator.state for env in theirs.envs
     ]
     # more resets than seeds are drawn at a time
-    for _ in range(fleet.FIRST + fleet.BLOCK + 1):
+    for _ in range(batch_simulator.FIRST + batch_simulator.BLOCK + 1):
         mine.reset()
         theirs.reset()
     assert_same_flights(mine, theirs)
@@ -186,7 +186,9 @@ def test_a_seed_begins_the_same_draws_anew() -> None:
 
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
-@pytest.mark.parametrize("drawn", [fleet.FIRST, fleet.FIRST + fleet.BLOCK])
+@pytest.mark.parametrize(
+    "drawn", [batch_simulator.FIRST, batch_simulator.FIRST + batch_simulator.BLOCK]
+)
 @pytest.mark.parametrize("more", [-2, -1, 0, 1])
 def test_an_autoreset_takes_the_field_that_a_reset_would(
     mode: AutoresetMode, drawn: int, more: int

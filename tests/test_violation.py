@@ -11,15 +11,15 @@ pytest.importorskip("torch")
 import torch
 
 from agents.violation import CLEARANCE, _decoded, speed_of, violation
-from ferguson_gym import flight
-from ferguson_gym.actions import decode, encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one, select
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.observing import observe
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.settings import Settings
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import decode, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 from planners.interface import depart
 from planners.pursuit import Pursuit
 
@@ -178,11 +178,11 @@ def test_downhill_segments_become_feasible() -> None:
         plan = Pursuit().plan(field, depart(field), 0)
         for state in plan.states[1:-2]:
             action = stream.uniform(-0.6, 0.6, 4).astype(np.float32)
-            if flight.advance(field, state.vehicle, action).flown:
+            if transition.advance(field, state.vehicle, action).flown:
                 continue
             tried += 1
             after = descended(action, field, state.vehicle)
-            led_out += flight.advance(field, state.vehicle, after).flown
+            led_out += transition.advance(field, state.vehicle, after).flown
     assert tried > 30
     # where a disc is hit in its middle there may be no way out downhill
     assert led_out >= 0.8 * tried, (led_out, tried)
@@ -202,9 +202,9 @@ def test_each_fault_alone_is_mended_downhill(action: Array, why: str) -> None:
     if why != "through a disc":
         discs = discs.only(np.array([False, True]))
     field = Field(name="one", obstacles=discs, start=[0.0, 0.0], start_derivative=[7.0, 0.0])
-    vehicle = flight.depart(field)
-    assert not flight.advance(field, vehicle, action).flown
-    assert flight.advance(field, vehicle, descended(action, field, vehicle)).flown
+    vehicle = transition.depart(field)
+    assert not transition.advance(field, vehicle, action).flown
+    assert transition.advance(field, vehicle, descended(action, field, vehicle)).flown
 
 
 def test_gradients_are_finite_everywhere() -> None:

@@ -16,14 +16,14 @@ from agents.forward import Forward
 from agents.lessons import COLUMNS
 from agents.torch_models import Learned
 from agents.visits import Visit, somewhere, visit
-from ferguson_gym import flight
-from ferguson_gym.actions import encode
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one
-from ferguson_gym.flight import State
-from ferguson_gym.observing import observe_one
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import settings_of
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import encode
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import State
 from planners import interface
 from planners.catalog import make
 from planners.interface import Decision, Replanner
@@ -99,7 +99,7 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
     for seed in SEEDS:
         field = CARD_SETTINGS.field(seed)
         rows = found.rows[found.rows[:, 0] == seed]
-        vehicle, outcome = flight.depart(field), Outcome.FLYING
+        vehicle, outcome = transition.depart(field), Outcome.FLYING
         for state, row in zip(states_of(rows), rows, strict=True):
             assert outcome is Outcome.FLYING
             np.testing.assert_array_equal(state.position, vehicle.position)
@@ -111,11 +111,11 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
             np.testing.assert_array_equal(np.float32(row[6:10]), lesson)
             seen = observe_one(field, vehicle, CARD_SETTINGS)
             action = network.act({key: value[None] for key, value in seen.items()})[0]
-            step = flight.advance(field, vehicle, action)
+            step = transition.advance(field, vehicle, action)
             if not step.flown:
                 failures += 1
                 assert row[10] == 1.0
-                step = flight.advance(field, vehicle, lesson)
+                step = transition.advance(field, vehicle, lesson)
                 assert step.flown
             vehicle, outcome = step.state, step.outcome
         assert outcome is not Outcome.FLYING

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from ferguson_gym import flight
-from ferguson_gym.arc_length import length
-from ferguson_gym.arrays import Array
-from ferguson_gym.catalog import one, select
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 from planners.catalog import make
 from planners.certification import AIM
 from planners.exact import Exact
 from planners.fit import fit
 from planners.interface import CrashedError, Route, State, Status, depart
-from planners.shortest import exact_length
 from planners.whole_path import WholePath
 
 OPEN = Field(name="open", obstacles=Discs([], []))
@@ -33,7 +33,7 @@ class Given:
     points: Array | None
     crashes: bool = False
 
-    def route(self, field: Field, vehicle: flight.State, seed: int) -> Route | None:
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         if self.crashes:
             raise CrashedError("injected")
         if self.points is None:
@@ -73,7 +73,7 @@ def test_the_exact_path_is_flown_within_a_thousandth(spec: str) -> None:
 
 def test_the_fit_pulls_a_detour_taut() -> None:
     corner = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0]])
-    chain = fit(corner, OPEN, flight.depart(OPEN), PAPER_LIMITS)
+    chain = fit(corner, OPEN, transition.depart(OPEN), PAPER_LIMITS)
     assert chain is not None
     assert length(chain).sum() == pytest.approx(100.0 * np.sqrt(2.0), rel=1e-6)
 
@@ -86,7 +86,7 @@ def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
     for side in (1.0, -1.0):
         beside = 50.0 + side * 40.0 * np.array([-1.0, 1.0]) / np.sqrt(2.0)
         route = np.array([[0.0, 0.0], beside, [100.0, 100.0]])
-        chain = fit(route, wall, flight.depart(wall), PAPER_LIMITS)
+        chain = fit(route, wall, transition.depart(wall), PAPER_LIMITS)
         assert chain is not None
         assert is_feasible(chain, wall, PAPER_LIMITS, AIM).all()
         middle = chain[:, 1][np.abs(chain[:, 1].sum(axis=1) - 100.0).argmin()]
@@ -118,7 +118,7 @@ def test_segments_left_bound_the_fit() -> None:
 
 @pytest.mark.parametrize("flown", [40, 41])
 def test_where_no_segments_are_left_nothing_is_fitted(flown: int) -> None:
-    vehicle = flight.State(OPEN.start, OPEN.departure, flown)
+    vehicle = transition.State(OPEN.start, OPEN.departure, flown)
     plan = make("shortest").plan(OPEN, State(vehicle), 0)
     assert (plan.status, len(plan.control)) == (Status.OUT_OF_SEGMENTS, 0)
     straight = np.stack([OPEN.start, OPEN.goal])

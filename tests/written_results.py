@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from agents.results import FLIGHT_COLUMNS
-from ferguson_gym.arrays import Array
+from ferguson_gym.runtime.arrays import Array
 
 EXACT = 140.0
 HOSTILE = '</script><script>alert("x")</script><!--<img src=x onerror=alert(1)>'

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 from numpy.typing import NDArray
 
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State
-from ferguson_gym.obstacles import Discs
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State
 
 SPECIAL = (
     *(0.0, -0.0, 5e-324, -1e-310, 1e-160, 1e-100, 1e-9, 1.0, -1.0, 1e9, 1e100, -1e154),

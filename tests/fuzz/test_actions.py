@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 
-from ferguson_gym.actions import check_action, decode, encode
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State, advance, advance_all, follow
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.outcome import Outcome
+from ferguson_gym.world.actions import check_action, decode, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import State, advance, advance_all, follow
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import ACTIONS, NO_ARRAYS, arrays, fields, laid_out, segments, vehicles
 

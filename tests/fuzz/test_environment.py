@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 import ferguson_gym
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.fields import Field
-from ferguson_gym.observing import observe
-from ferguson_gym.outcome import Outcome
-from ferguson_gym.settings import Settings
+from ferguson_gym.simulation.observe import observe
+from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import (
     ACTIONS,

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from ferguson_gym import catalog, suites
-from ferguson_gym.feasibility import inspect, is_feasible
-from ferguson_gym.fields import Field, from_json, to_json
-from ferguson_gym.limits import PAPER_LIMITS, Limits
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.paths import Path as Flown
-from ferguson_gym.splines import derivative, evaluate
-from planners.shortest import exact_length
+from ferguson_gym.curves.path import Path as Flown
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.world import field_names, suites
+from ferguson_gym.world.feasibility import inspect, is_feasible
+from ferguson_gym.world.field import Field, from_json, to_json
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import (
     JSON,
@@ -120,7 +120,7 @@ def test_a_file_holds_a_sound_field_or_is_refused(place: Path, text: bytes) -> N
         field = attempt(from_json, place)
         if field is not None:
             is_sound(field)
-        by_name = attempt(catalog.one, str(place))
+        by_name = attempt(field_names.one, str(place))
     assert (field is None) == (by_name is None)
 
 
@@ -153,14 +153,14 @@ WORDS = st.sampled_from(
     spec=st.lists(WORDS, max_size=7).map("".join) | st.text(max_size=12) | st.just("x" * 4000),
 )
 def test_a_name_is_known_or_refused(spec: str) -> None:
-    chosen = attempt(catalog.select, spec, errors=(ValueError, OSError))
+    chosen = attempt(field_names.select, spec, errors=(ValueError, OSError))
     first = None if chosen is None else attempt(next, chosen)  # which may be a file of another kind
     if first is not None:
         is_sound(first)
-    alone = attempt(catalog.one, spec, errors=(ValueError, OSError))
+    alone = attempt(field_names.one, spec, errors=(ValueError, OSError))
     if alone is not None:
         assert chosen is not None
-    drawn = attempt(catalog.family, spec, errors=(ValueError, OSError))
+    drawn = attempt(field_names.family, spec, errors=(ValueError, OSError))
     assert drawn is None or len(drawn[1]) >= 1
 
 
@@ -192,7 +192,7 @@ def test_a_directory_is_read_or_refused(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
         try:
-            found = attempt(lambda: list(catalog.select(str(directory))))
+            found = attempt(lambda: list(field_names.select(str(directory))))
         except OSError as error:
             assert error.filename  # noqa: PT017 (which other errors are faults)
             found = None

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from ferguson_gym.feasibility import is_feasible
-from ferguson_gym.fields import Field
-from ferguson_gym.flight import State as Vehicle
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.obstacles import Discs
-from ferguson_gym.splines import derivative, evaluate
-from ferguson_gym.turn_radius import keeps_turn_radius
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.transition import State as Vehicle
+from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.catalog import OPTIONS, PLANNERS, make
-from planners.distance import DistanceToGo
 from planners.interface import Evaluations, Iterations, Plan, Planner, State, Status
 from planners.polish import polish
 from tests.fuzz.cases import attempt, fuzzed

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from ferguson_gym import splines
-from ferguson_gym.arc_length import length
-from ferguson_gym.clearance import clearance, closest, is_clear, least_speed
-from ferguson_gym.limits import PAPER_LIMITS
-from ferguson_gym.paths import Path
-from ferguson_gym.turn_radius import keeps_turn_radius, too_sharp_at
-from ferguson_gym.turning import bending_energy, fastest_turn, tightest_turn
+from ferguson_gym.curves import splines
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.clearance import clearance, closest, is_clear, least_speed
+from ferguson_gym.curves.path import Path
+from ferguson_gym.curves.turning import bending_energy, fastest_turn, tightest_turn
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.turn_radius import keeps_turn_radius, too_sharp_at
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import NO_ARRAYS, WILD, arrays, laid_out, scaled_segments, segments
 

@@ -1,0 +1,1 @@
+"""Ferguson segments: points, derivatives, arc length, curvature, certified clearance, and chains."""

@@ -1,0 +1,221 @@
+"""The greatest curvature along a segment, compiled.
+
+With v the derivative of a segment and C = v x v' (a number in the plane, one for each pair of
+axes in more dimensions), curvature^2 is G / S^3 with G = |C|^2 and S = |v|^2. C is of degree 2:
+its cubic terms cancel. The extremes are roots of P = G' S - 3 G S', a polynomial of degree 7.
+Its Bernstein coefficients tell where there are none, and where there is one, which is then found;
+those of G and S bound the curvature, so that pieces which cannot hold the greatest are left out;
+others are halved. Coefficients are formed anew from v and C of each halved piece: their rounding
+error shrinks with it, or the three roots of P that meet in a cusp could not be told apart.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ferguson_gym.curves.nearest_point import products
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+
+REST = 1e-12
+"""Speed that is none, a cusp: part of the largest coordinate of the derivative's coefficients."""
+_EPSILON = 2.0**-52
+_SHARP = 1e-12
+"""Part of the greatest curvature's square by which a piece that is left out may exceed it."""
+_DEPTH = 64
+"""Halvings after which a piece counts by its middle."""
+_PIECES = 4096
+"""Most pieces that are looked at."""
+_STEPS = 60
+"""Most steps towards a root; halving alone would need no more."""
+_SQUARE = products(2)
+_EXTREME = np.array(
+    [[math.comb(3, i) * math.comb(4, j) / math.comb(7, i + j) for j in range(5)] for i in range(4)]
+)
+"""Weights (4, 5) of coefficients i and j of factors of degree 3 and 4 in a product's i + j."""
+
+
+@compiled
+def _crosses(v: Array, c: Array, control: Array, unit: float) -> None:
+    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is rounding alone.
+
+    v comes from a control array (4, D) in other units.
+    """
+    dimension = v.shape[1]
+    pair, straight = 0, True
+    for d in range(dimension):
+        for e in range(d):
+            # how far rounding of the control rows, and of what v is made of, may be felt
+            off_d = off_e = 0.0
+            for row in range(4):
+                weight = 3.0 if row < 2 else 1.0
+                off_d += weight * (abs(control[row, d]) / unit)
+                off_e += weight * (abs(control[row, e]) / unit)
+            for k, (i, j, twice) in enumerate(((0, 1, 2.0), (0, 2, 1.0), (1, 2, 2.0))):
+                c[pair, k] = twice * (v[i, d] * v[j, e] - v[j, d] * v[i, e])
+                off = abs(v[i, d] * v[j, e]) + abs(v[j, d] * v[i, e])
+                off += off_d * (abs(v[i, e]) + abs(v[j, e]))
+                off += off_e * (abs(v[i, d]) + abs(v[j, d]))
+                if abs(c[pair, k]) > twice * _EPSILON * off:
+                    straight = False
+            pair += 1
+    if straight:
+        c[:] = 0.0
+
+
+@compiled
+def _at(v: Array, c: Array, t: float) -> tuple[float, float]:
+    """|v|^2 and curvature^2 at t of a piece with coefficients v (3, D) and c (pairs, 3)."""
+    one, two, three = (1.0 - t) * (1.0 - t), 2.0 * t * (1.0 - t), t * t
+    speed2 = bend2 = 0.0
+    for d in range(v.shape[1]):
+        speed2 += (one * v[0, d] + two * v[1, d] + three * v[2, d]) ** 2
+    for pair in range(len(c)):
+        bend2 += (one * c[pair, 0] + two * c[pair, 1] + three * c[pair, 2]) ** 2
+    return speed2, bend2 / (speed2 * speed2 * speed2)
+
+
+@compiled
+def _fill(v: Array, c: Array, work: Array) -> None:
+    """Coefficients of S in work[0, :5], of G in work[1, :5] and of P in work[2, :8]."""
+    speed2, bend2, extreme = work[0], work[1], work[2]
+    speed2[:5] = bend2[:5] = extreme[:8] = 0.0
+    for i in range(3):
+        for j in range(3):
+            dot = cross = 0.0
+            for d in range(v.shape[1]):
+                dot += v[i, d] * v[j, d]
+            for pair in range(len(c)):
+                cross += c[pair, i] * c[pair, j]
+            speed2[i + j] += _SQUARE[i, j] * dot
+            bend2[i + j] += _SQUARE[i, j] * cross
+    for i in range(4):
+        rise, steeper = bend2[i + 1] - bend2[i], speed2[i + 1] - speed2[i]
+        for j in range(5):
+            extreme[i + j] += _EXTREME[i, j] * (rise * speed2[j] - 3.0 * steeper * bend2[j])
+
+
+@compiled
+def _root(extreme: Array, scratch: Array) -> float:
+    """The one root in (0, 1) of a polynomial of degree 7 that falls from above to below zero."""
+    low, high = 0.0, 1.0
+    t = extreme[0] / (extreme[0] - extreme[7])
+    for _ in range(_STEPS):
+        for k in range(8):
+            scratch[k] = extreme[k]
+        slope = 0.0
+        for level in range(7, 0, -1):
+            if level == 1:
+                slope = 7.0 * (scratch[1] - scratch[0])
+            for k in range(level):
+                scratch[k] += t * (scratch[k + 1] - scratch[k])
+        if scratch[0] > 0.0:
+            low = t
+        else:
+            high = t
+        step = t - scratch[0] / slope if slope < 0.0 else low
+        following = step if low < step < high else 0.5 * (low + high)
+        if abs(following - t) <= 4.0 * _EPSILON * t:
+            return float(following)
+        t = following
+    return float(t)
+
+
+@compiled
+def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> float:
+    """Greatest curvature [1/m] of one segment; infinite at a cusp.
+
+    Args:
+        control: (4, D), so much smaller than the largest number that sums stay in range.
+        v: scratch (_DEPTH + 2, 3, D).
+        c: scratch (_DEPTH + 2, pairs of axes, 3).
+        spans: scratch (_DEPTH + 2,): halvings of each piece.
+        work: scratch (4, 8).
+    """
+    dimension = control.shape[1]
+    scale = 0.0
+    for d in range(dimension):
+        leave, arrive = control[2, d], control[3, d]
+        v[0, 0, d], v[0, 2, d] = leave, arrive
+        v[0, 1, d] = 3.0 * (control[1, d] - control[0, d]) - leave - arrive
+        for i in range(3):
+            scale = max(scale, abs(v[0, i, d]))
+    if scale == 0.0:
+        return np.inf
+    unit = 2.0 ** np.floor(np.log2(scale))  # powers would leave the range; this rounds nothing
+    for i in range(3):
+        for d in range(dimension):
+            v[0, i, d] /= unit
+    _crosses(v[0], c[0], control, unit)
+    rest = (REST * scale / unit) ** 2
+    best = 0.0
+    for t in (0.0, 1.0):
+        speed2, bend = _at(v[0], c[0], t)
+        if speed2 <= rest:
+            return np.inf
+        best = max(best, bend)
+    spans[0] = 0.0
+    top, looked = 0, 0
+    while top >= 0:
+        looked += 1
+        _fill(v[top], c[top], work)
+        least, largest, most = work[0, 0], work[0, 0], work[1, 0]
+        for k in range(1, 5):
+            least, largest = min(least, work[0, k]), max(largest, work[0, k])
+            most = max(most, work[1, k])
+        least -= 16.0 * _EPSILON * largest
+        if least > 0.0 and most <= best * (1.0 + _SHARP) * least * least * least:
+            top -= 1
+            continue
+        # what rounding may hide of a coefficient of P
+        noise = 64.0 * _EPSILON * most * largest
+        changes, certain = 0, True
+        for k in range(8):
+            certain = certain and abs(work[2, k]) > noise
+            if k > 0 and (work[2, k] > 0.0) != (work[2, k - 1] > 0.0):
+                changes += 1
+        if least > 0.0 and certain and changes <= 1:
+            if changes == 1 and work[2, 0] > 0.0:
+                _, bend = _at(v[top], c[top], _root(work[2], work[3]))
+                best = max(best, bend)
+            top -= 1
+            continue
+        speed2, bend = _at(v[top], c[top], 0.5)
+        if speed2 <= rest:
+            return np.inf
+        best = max(best, bend)
+        if spans[top] >= _DEPTH or looked >= _PIECES:
+            top -= 1
+            continue
+        # de Casteljau at the middle: the left half goes on top, the right half stays below it
+        for d in range(dimension):
+            _halve(v[top, :, d], v[top + 1, :, d])
+        for pair in range(c.shape[1]):
+            _halve(c[top, pair], c[top + 1, pair])
+        spans[top] += 1.0
+        spans[top + 1] = spans[top]
+        top += 1
+    return float(np.sqrt(best) / unit)
+
+
+@compiled
+def _halve(right: Array, left: Array) -> None:
+    """Split coefficients (3,) of degree 2 at the middle; the right half stays."""
+    one, two = 0.5 * (right[0] + right[1]), 0.5 * (right[1] + right[2])
+    left[0], left[1], left[2] = right[0], one, 0.5 * (one + two)
+    right[0], right[1] = left[2], two
+
+
+@compiled
+def greatest_curvatures(control: Array) -> Array:
+    """Greatest curvature [1/m] of each segment (n, 4, D): (n,), infinite at a cusp."""
+    dimension = control.shape[2]
+    v = np.empty((_DEPTH + 2, 3, dimension))
+    c = np.empty((_DEPTH + 2, dimension * (dimension - 1) // 2, 3))
+    spans, work = np.empty(_DEPTH + 2), np.empty((4, 8))
+    found = np.empty(len(control))
+    for s in range(len(control)):
+        found[s] = 0.125 * _greatest(0.125 * control[s], v, c, spans, work)
+    return found

@@ -1,0 +1,1 @@
+"""Drawings of fields and flights, and the environment's viewer."""

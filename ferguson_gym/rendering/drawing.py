@@ -1,0 +1,92 @@
+"""Drawing fields, paths and planned horizons on matplotlib axes, in one look for all."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.patches import Circle
+
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs, Obstacles
+
+OBSTACLE = "#c9ced6"
+OBSTACLE_EDGE = "#8d96a3"
+SEEN = "#a7b1be"
+"""An obstacle that a plan looks at."""
+SEGMENTS = ("#0b5fa5", "#e07b00")
+"""Alternating colours of the segments of a path."""
+HORIZON = "#8e44ad"
+REFUSED = "#c0392b"
+START = "#1e8449"
+GOAL = "#c0392b"
+
+_T = np.linspace(0.0, 1.0, 60)
+
+
+def draw_field(axes: Axes, field: Field) -> None:
+    """Obstacles, start, goal and bounds (the frame of the axes)."""
+    low, high = field.bounds
+    axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), aspect="equal")
+    axes.tick_params(labelsize=7, length=2.5, color=OBSTACLE_EDGE)
+    for spine in axes.spines.values():
+        spine.set_color(OBSTACLE_EDGE)
+    draw_obstacles(axes, field.obstacles)
+    axes.plot(*field.start, "o", color=START, ms=5, zorder=6)
+    axes.plot(*field.goal, "*", color=GOAL, ms=9, zorder=6)
+
+
+def draw_obstacles(axes: Axes, obstacles: Obstacles, colour: str = OBSTACLE) -> None:
+    """Obstacles, if they are discs."""
+    if isinstance(obstacles, Discs):
+        circles = [
+            Circle((float(x), float(y)), float(r))
+            for (x, y), r in zip(obstacles.centers, obstacles.radii, strict=True)
+        ]
+        patches = PatchCollection(circles, facecolor=colour, edgecolor=OBSTACLE_EDGE, lw=0.5)
+        axes.add_collection(patches)
+
+
+def draw_path(axes: Axes, control: Array) -> None:
+    """Segments (n, 4, 2) in alternating colours, and the knots between them."""
+    if len(control) == 0:
+        return
+    colours = [SEGMENTS[k % 2] for k in range(len(control))]
+    lines = LineCollection(
+        list(evaluate(control, _T)), colors=colours, lw=1.8, zorder=4, capstyle="round"
+    )
+    axes.add_collection(lines)
+    knots = control[:, 1]
+    axes.plot(knots[:, 0], knots[:, 1], "o", mfc="white", mec="#333333", mew=0.7, ms=3, zorder=5)
+
+
+def draw_horizons(axes: Axes, horizons: Sequence[Array]) -> None:
+    """Planned windows, each (n, 4, 2): thin dashed lines under the path, a dot at the end."""
+    for control in horizons:
+        for points in evaluate(control, _T):
+            axes.plot(points[:, 0], points[:, 1], "--", color=HORIZON, lw=0.9, zorder=3, alpha=0.8)
+        axes.plot(*control[-1, 1], ".", color=HORIZON, ms=4, zorder=3)
+
+
+def draw_refused(axes: Axes, control: Array) -> None:
+    """A segment (4, 2) that was not feasible and therefore not flown."""
+    points = evaluate(control, _T)
+    axes.plot(points[:, 0], points[:, 1], ":", color=REFUSED, lw=1.6, zorder=4)
+
+
+def style() -> dict[Any, Any]:
+    """Matplotlib settings shared by all figures, for `matplotlib.rc_context`."""
+    return {
+        "text.color": "black",
+        "axes.facecolor": "white",
+        "font.size": 8,
+        "axes.titlesize": 9,
+        "axes.linewidth": 0.8,
+        "figure.facecolor": "white",
+        "savefig.dpi": 200,
+    }

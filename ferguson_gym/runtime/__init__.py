@@ -1,0 +1,1 @@
+"""Arrays, compilation, threads, files and suggestions: what every room of the package builds on."""

@@ -1,0 +1,254 @@
+"""The exact distance to the goal from any point of a field, and the shortest path from there.
+
+From a point the shortest path leads straight to the goal, or along a tangent to one of the tracks
+of the tangent graph, which knows the rest. Tangents are tried in the order of a lower bound on
+the whole, and whether anything stands in their way is asked for the most promising alone.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, build, following, sweep
+from ferguson_gym.shortest_paths.tangents import (
+    Integers,
+    Records,
+    Scene,
+    View,
+    angle,
+    is_clear,
+    scene,
+    tangent,
+    view,
+)
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+
+STRAIGHT, NOWHERE = -1, -2
+"""In the place of a track: straight to the goal, and no way at all."""
+
+
+class Departure(NamedTuple):
+    """How a path leaves a point."""
+
+    distance: float
+    """Length of the path to the goal [m]."""
+    ux: float
+    """Unit direction in which it leaves."""
+    uy: float
+    track: int
+    """The track that it reaches first, STRAIGHT or NOWHERE."""
+    at: float
+    """Angle at which it reaches that [rad]."""
+    line: float
+    """Length of its first line [m]."""
+
+
+@compiled
+def seen(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
+    """Whether a point is free, and the discs as they stand in the way of lines from it.
+
+    A point may lie inside a disc or outside the bounds by the tolerance [m]. A line from it may
+    then be as deep in that disc as the point itself.
+    """
+    discs, box = scene.discs, scene.box
+    slack = tolerance - scene.margin
+    free = box[0, 0] - slack <= x <= box[1, 0] + slack
+    free = free and box[0, 1] - slack <= y <= box[1, 1] + slack
+    copied = False
+    for k in range(len(discs)):
+        disc = discs[k]
+        distance = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
+        if distance < disc.radius - tolerance:
+            free = False
+        elif distance < disc.radius:
+            if not copied:
+                discs, copied = discs.copy(), True
+            discs[k].reach = min(disc.reach, distance - scene.margin)
+    return free, discs
+
+
+@compiled
+def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> Departure:
+    """The straight way from a point to the goal, if nothing stands in it."""
+    dx, dy = goal[0] - x, goal[1] - y
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
+    ux, uy = dx / distance, dy / distance
+    if is_clear(x, y, ux, uy, distance, distance, discs, around, -1, -1):
+        return Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
+    return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+
+
+@compiled
+def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) -> Departure:
+    """The way from a point to the goal by a given track, be it clear or not."""
+    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+    length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
+    at = angle(sense, ux, uy)
+    node = following(tracks, track, at)
+    distance = np.inf
+    if node >= 0:
+        distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
+    return Departure(distance, ux, uy, track, at, length)
+
+
+@compiled
+def depart(
+    scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
+) -> Departure:
+    """The shortest way from a point to the goal."""
+    free, discs = seen(scene, x, y, tolerance)
+    if not free:
+        return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+    around = view(discs, x, y)
+    best = straight(discs, around, x, y, goal)
+    bounds = np.empty(len(tracks.least))
+    for track in range(len(bounds)):
+        disc = discs[track // 2]
+        square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
+        bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
+    for track in np.argsort(bounds):
+        if bounds[track] >= best.distance:
+            break
+        way = along_track(discs, tracks, track, x, y)
+        i = track // 2
+        if way.distance < best.distance and is_clear(
+            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
+        ):
+            best = way
+    return best
+
+
+@compiled
+def _query(
+    scene: Scene, tracks: Tracks, goal: Array, points: Array, tolerance: float
+) -> tuple[Array, Array]:
+    distance, gradient = np.empty(len(points)), np.empty(points.shape)
+    for k in range(len(points)):
+        way = depart(scene, tracks, goal, points[k, 0], points[k, 1], tolerance)
+        distance[k] = way.distance
+        gradient[k, 0], gradient[k, 1] = -way.ux, -way.uy
+    return distance, gradient
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DistanceToGo:
+    """Length of the shortest path from any point to the goal of a field of discs in the plane.
+
+    Building it takes one search from the goal; a query then looks at the tangents of a point.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+
+    field: Field
+    tolerance: float = PAPER_LIMITS.tolerance
+    """By how much a point may lie inside discs or outside the bounds [m]."""
+    scene: Scene = dataclasses.field(init=False, repr=False)
+    """The discs that can stand in a path's way."""
+    kept: Integers = dataclasses.field(init=False, repr=False)
+    """(n,) which of the field's discs these are."""
+    tracks: Tracks = dataclasses.field(init=False, repr=False)
+    """The tangent graph."""
+
+    def __post_init__(self) -> None:
+        world, kept = scene(self.field)
+        object.__setattr__(self, "scene", world)
+        object.__setattr__(self, "kept", kept)
+        object.__setattr__(self, "tracks", build(world, self.field.goal))
+
+    def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
+        """Distance to the goal and its gradient.
+
+        The gradient is minus the direction in which the path leaves: a unit vector but for the
+        goal itself. Where two ways are equally short it belongs to one of them.
+
+        Args:
+            points: (n, 2) [m]. A point that violates discs or bounds by the tolerance at most
+                is free; its path runs no deeper in a disc than the point lies.
+
+        Returns:
+            Distance (n,) [m], infinite where there is no path or the point is not free, and
+            gradient (n, 2), zero there.
+
+        Raises:
+            ValueError: another shape, NaN or infinity.
+        """
+        points = finite("points", points, (None, 2))
+        return _query(self.scene, self.tracks, self.field.goal, points, self.tolerance)
+
+    def path(self, point: ArrayLike) -> ShortestPath | None:
+        """The shortest path from a point (2,) [m] to the goal, None if there is none.
+
+        From a point that lies in a disc by the tolerance, and whose path goes round that disc, it
+        starts on the disc's boundary.
+
+        Raises:
+            ValueError: another shape, NaN or infinity.
+        """
+        x, y = finite("point", point, (2,))
+        way = depart(self.scene, self.tracks, self.field.goal, x, y, self.tolerance)
+        if way.track == NOWHERE:
+            return None
+        tracks = self.tracks
+        turns: list[tuple[int, float, float]] = []
+        track, at = way.track, way.at
+        node = GOAL if track == STRAIGHT else following(tracks, track, at)
+        while node != GOAL:
+            node = tracks.leave[node]
+            turns.append((track, at, at + sweep(at, tracks.angle[node])))
+            node = tracks.other[node]
+            if node != GOAL:
+                track, at = tracks.track[node], tracks.angle[node]
+        return self.trace((x, y), turns, way.distance)
+
+    def trace(
+        self, start: Sequence[float], turns: list[tuple[int, float, float]], length: float
+    ) -> ShortestPath:
+        """A path from its start (2,) and its turns, each a track with the angles of its ends."""
+        where = np.array([turn[0] for turn in turns], dtype=np.int64)
+        senses = 1 - 2 * (where % 2)
+        discs = self.kept[where // 2]
+        # from the track's sense to the usual one
+        angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
+        obstacles = self.field.obstacles
+        assert isinstance(obstacles, Discs)
+        centers, radii = obstacles.centers[discs], obstacles.radii[discs]
+        around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+        ends = centers[:, None] + radii[:, None, None] * around
+        if len(turns) and math.dist(start, centers[0]) < radii[0] - self.scene.margin:
+            start = ends[0, 0]
+        knots = np.concatenate([[start], ends.reshape(-1, 2), [self.field.goal]])
+        return ShortestPath(
+            length=length,
+            lines=knots.reshape(-1, 2, 2),
+            discs=discs,
+            senses=senses,
+            centers=centers,
+            radii=radii,
+            angles=angles,
+        )
+
+
+@lru_cache(maxsize=2)
+def distance_to_go(field: Field) -> DistanceToGo:
+    """Built once a flight: fields are known by identity, and one flight follows the other.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    return DistanceToGo(field)

@@ -1,0 +1,61 @@
+"""The shortest path through a field of discs, and its length, by which others are measured."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+
+
+def shortest_path(field: Field) -> ShortestPath | None:
+    """The shortest path from start to goal through no open disc and inside the bounds.
+
+    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`; None if there is no path.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    return DistanceToGo(field).path(field.start)
+
+
+def exact_length(field: Field) -> float | None:
+    """Length of the shortest path [m]; None if there is none, or obstacles are no plane discs.
+
+    It is found once for all fields of the same content, of which the last 4096 are remembered.
+
+    Example:
+        >>> from ferguson_gym.world.field_names import one
+        >>> round(exact_length(one("paper:2")), 3)
+        144.338
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs) or discs.dimension != 2:
+        return None
+    arrays = (discs.centers, discs.radii, field.start, field.goal, field.bounds)
+    # not the field itself: every flight that a worker process returns has a copy of its own
+    return _exact_length(*(array.tobytes() for array in arrays))
+
+
+def gap(length: float, exact: float) -> float:
+    """By which part a length exceeds that of the shortest path."""
+    return length / exact - 1.0
+
+
+@lru_cache(maxsize=4096)
+def _exact_length(
+    centers: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes
+) -> float | None:
+    field = Field(
+        name="known by its content",
+        obstacles=Discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
+        start=np.frombuffer(start),
+        goal=np.frombuffer(goal),
+        bounds=np.frombuffer(bounds).reshape(2, 2),
+    )
+    path = shortest_path(field)
+    return None if path is None else path.length

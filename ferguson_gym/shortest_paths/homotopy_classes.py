@@ -1,0 +1,218 @@
+"""The best homotopy classes of paths from a point to the goal, each by its shortest path.
+
+Obstacles in the plane leave a space in which every class of paths that can be deformed into each
+other has exactly one taut path. Different ways through the tangent graph are therefore shortest
+paths of different classes, but for those that differ in a disc touched without turning, which the
+tangent past that disc stands for. Ways are grown best first; the distance to the goal is known
+from every node, so that they are completed in the order of their lengths and hardly another is
+looked at.
+
+Classes that loop are left out: no path has straight pieces that cross, or runs along a part of a
+disc twice in the same sense. Cutting the loop out would leave a shorter path of another class.
+
+Reference:
+    Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
+    paths, IEEE Transactions on Systems Science and Cybernetics 4.
+"""
+
+from __future__ import annotations
+
+import heapq
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.distance_to_goal import (
+    NOWHERE,
+    STRAIGHT,
+    DistanceToGo,
+    along_track,
+    seen,
+    straight,
+)
+from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
+from ferguson_gym.shortest_paths.tangents import TURN, Records, Scene, is_clear, view
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.world.field import Field
+
+TOUCH = 1e-7
+"""A disc along which a path turns less [rad] is touched, not gone round. Less short of a whole
+turn, it is a loop."""
+
+
+class Stage(NamedTuple):
+    """A way as far as the end of one of its lines."""
+
+    parent: int
+    """The stage before, -1 for the first line."""
+    track: int
+    """The track that is reached, STRAIGHT at the goal."""
+    at: float
+    """Angle at which it is reached [rad]."""
+    turn: float
+    """Sweep along the parent's track before the line [rad]."""
+    length: float
+    """Of the way so far [m]."""
+    x: float
+    """Start of the line [m]."""
+    y: float
+    end_x: float
+    """End of the line [m]."""
+    end_y: float
+
+
+@compiled
+def _point(discs: Records, track: int, at: float) -> tuple[float, float]:
+    """The point of a track at an angle."""
+    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+    return disc.x + disc.radius * np.cos(at), disc.y + sense * disc.radius * np.sin(at)
+
+
+@compiled
+def _long(stage: Stage) -> float:
+    """Length of a stage's line [m]."""
+    long: float = np.hypot(stage.end_x - stage.x, stage.end_y - stage.y)
+    return long
+
+
+@compiled
+def _beside(one: Stage, other: Stage, least: float) -> bool:
+    """Whether the ends of one line lie on different sides of another, by a least distance [m]."""
+    dx, dy = other.end_x - other.x, other.end_y - other.y
+    least *= _long(other)
+    start = dx * (one.y - other.y) - dy * (one.x - other.x)
+    end = dx * (one.end_y - other.y) - dy * (one.end_x - other.x)
+    beside: bool = min(start, end) < -least and max(start, end) > least
+    return beside
+
+
+@compiled
+def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
+    """Whether a stage's last arc or line meets what came before it."""
+    last = stages[index]
+    if last.parent < 0:
+        return False
+    arc = stages[last.parent]
+    # beyond half a turn, the tangents at an arc's ends meet in front of the disc
+    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TURN - last.turn))
+    if last.turn > 0.5 * TURN and min(_long(last), _long(arc)) > ahead:
+        return True
+    least = 1e-3 * margin  # lines that touch do not cross
+    before, turn = arc.parent, arc.turn
+    while before >= 0:
+        stage = stages[before]
+        if _beside(last, stage, least) and _beside(stage, last, least):
+            return True
+        # this stage's track is left after `turn`
+        if stage.track == arc.track and (
+            sweep(stage.at, arc.at) <= turn or sweep(arc.at, stage.at) <= last.turn
+        ):
+            return True
+        before, turn = stage.parent, stage.turn
+    return False
+
+
+@compiled
+def _grow(
+    scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float, k: int
+) -> tuple[list[Stage], list[int]]:
+    """Stages of the k best ways, and those of them with which a way ends, in order of length."""
+    stages = [Stage(-1, STRAIGHT, 0.0, 0.0, 0.0, x, y, x, y) for _ in range(0)]
+    ends = [0 for _ in range(0)]
+    heap = [(0.0, 0) for _ in range(0)]
+    free, discs = seen(scene, x, y, tolerance)
+    if not free:
+        return stages, ends
+    around = view(discs, x, y)
+    way = straight(discs, around, x, y, goal)
+    if way.track != NOWHERE:
+        heap.append((way.distance, 0))
+        stages.append(Stage(-1, STRAIGHT, 0.0, 0.0, way.line, x, y, goal[0], goal[1]))
+    for track in range(len(tracks.least)):
+        way = along_track(discs, tracks, track, x, y)
+        i = track // 2
+        if way.distance < np.inf and is_clear(
+            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
+        ):
+            end_x, end_y = _point(discs, track, way.at)
+            heap.append((way.distance, len(stages)))
+            stages.append(Stage(-1, track, way.at, 0.0, way.line, x, y, end_x, end_y))
+    heapq.heapify(heap)
+    while len(heap) > 0 and len(ends) < k:
+        index = heapq.heappop(heap)[1]
+        if _loops(stages, index, discs, scene.margin):
+            continue
+        stage = stages[index]
+        track = stage.track
+        if track == STRAIGHT:
+            ends.append(index)
+            continue
+        node = following(tracks, track, stage.at)
+        for _ in range(tracks.first[track + 1] - tracks.first[track]):
+            if tracks.other[node] == WALL:
+                break
+            other = tracks.other[node]
+            togo = tracks.togo[other] if other >= 0 else 0.0
+            turn = sweep(stage.at, tracks.angle[node])
+            if tracks.line[node] >= 0.0 and togo < np.inf and TOUCH <= turn <= TURN - TOUCH:
+                px, py = _point(discs, track, tracks.angle[node])
+                length = stage.length + turn * discs[track // 2].radius + tracks.line[node]
+                heapq.heappush(heap, (length + togo, len(stages)))
+                if other >= 0:
+                    there, at = tracks.track[other], tracks.angle[other]
+                    qx, qy = _point(discs, there, at)
+                    stages.append(Stage(index, there, at, turn, length, px, py, qx, qy))
+                else:
+                    stages.append(
+                        Stage(index, STRAIGHT, 0.0, turn, length, px, py, goal[0], goal[1])
+                    )
+            node = node + 1 if node + 1 < tracks.first[track + 1] else tracks.first[track]
+    return stages, ends
+
+
+def classes(distance: DistanceToGo, point: ArrayLike, k: int) -> list[ShortestPath]:
+    """As `best_classes`, for a field whose distance to the goal is known.
+
+    Raises:
+        ValueError: a point of another shape, NaN or infinity; k below 1.
+    """
+    x, y = finite("point", point, (2,))
+    if k < 1:
+        raise ValueError(f"at least 1 class must be asked for, got {k}")
+    stages, ends = _grow(
+        distance.scene, distance.tracks, distance.field.goal, x, y, distance.tolerance, k
+    )
+    paths = []
+    for end in ends:
+        turns = []
+        stage = stages[end]
+        while stage.parent >= 0:
+            parent = stages[stage.parent]
+            turns.append((parent.track, parent.at, parent.at + stage.turn))
+            stage = parent
+        paths.append(distance.trace((x, y), turns[::-1], stages[end].length))
+    # the last digit of a length depends on where it was added up
+    return sorted(paths, key=lambda path: path.length)
+
+
+def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:
+    """The best homotopy classes of paths from a point to a field's goal.
+
+    Args:
+        field: of discs in the plane.
+        point: (2,) [m], free as in `DistanceToGo`.
+        k: how many classes.
+
+    Returns:
+        The shortest path of each class, the shortest class first; fewer than k if there are
+        no more without loops, none if there is no path.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+        ValueError: a point of another shape, NaN or infinity; k below 1.
+    """
+    return classes(DistanceToGo(field), point, k)

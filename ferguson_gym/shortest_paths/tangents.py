@@ -1,0 +1,251 @@
+"""Lines that touch discs: common tangents of two discs, and whether nothing stands in their way.
+
+A shortest path among discs is straight but for arcs along them, and its straight pieces touch the
+discs at their ends. A disc that is passed on the right-hand side of the path's way is gone round
+clockwise, sense -1; one on the left counter-clockwise, sense +1. A point is a disc of radius zero.
+
+One margin stands between what counts as free and what as blocked, 1e-9 of the field's size (1e-7 m
+in the paper's fields): a piece may cut into a disc or leave the bounds by that much. So two discs
+that touch, or overlap by no more than the margin, let a path through between them; a gap is passed
+however narrow it is. Discs smaller than the margin are no obstacles.
+
+Reference:
+    Laumond (1987), Obstacle growing in a nonpolygonal world, Information Processing Letters 25.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+
+Integers = NDArray[np.int64]
+
+MARGIN = 1e-9
+"""How deep a piece may cut into a disc or out of the bounds, of the field's size."""
+TURN = 2.0 * math.pi
+
+
+Records = NDArray[np.void]
+"""An array of DISC."""
+
+DISC = np.dtype(
+    [
+        ("x", np.float64),  # centre [m]
+        ("y", np.float64),
+        ("radius", np.float64),  # [m]
+        ("reach", np.float64),  # nearer to the centre [m], a point is inside
+    ]
+)
+
+
+class Scene(NamedTuple):
+    """The discs that can stand in a path's way: no disc within another, none outside the bounds."""
+
+    discs: Records
+    """(n,); their reach is the radius less the margin."""
+    box: Array
+    """(2, 2) least and greatest coordinates, and the margin beyond [m]."""
+    margin: float
+    """[m]."""
+
+
+class View(NamedTuple):
+    """Discs in the order in which they come in the way of lines from around a point."""
+
+    order: Integers
+    """(n,) discs."""
+    near: Array
+    """(n,) how near each comes to the point [m], increasing."""
+
+
+class Tangents(NamedTuple):
+    """Common tangents of discs that nothing blocks.
+
+    Disc i gone round in sense +1 is track 2 i, in sense -1 track 2 i + 1; angles are measured in
+    the track's sense, so they grow on the way. Reversed, a tangent leads from track `arrive ^ 1`
+    to `leave ^ 1`, and angles change sign.
+    """
+
+    leave: Integers
+    """(m,) track that is left."""
+    arrive: Integers
+    """(m,) track that is reached."""
+    angles: Array
+    """(m, 2) of the point that is left and of the point that is reached, in [0, 2 pi)."""
+    length: Array
+    """(m,) [m]."""
+
+
+def scene(field: Field) -> tuple[Scene, Integers]:
+    """The discs of a field that can stand in a path's way, and which of the field's they are.
+
+    Raises:
+        TypeError: obstacles other than discs in the plane.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs) or discs.dimension != 2:
+        raise TypeError(
+            "shortest paths are found among discs in the plane, got "
+            f"{type(discs).__name__} in {discs.dimension} dimensions"
+        )
+    low, high = field.bounds
+    far = np.abs(discs.centers).max(axis=1) + discs.radii if len(discs) else np.zeros(1)
+    # the second term is rounding, which matters for discs that are huge beside the field
+    margin = MARGIN * float((high - low).max()) + 1e-14 * float(
+        max(far.max(), np.abs(field.bounds).max())
+    )
+    order = np.argsort(-discs.radii, kind="stable")
+    kept = np.flatnonzero(_matters(discs.centers, discs.radii, order, low, high, margin))
+    records = np.empty(len(kept), dtype=DISC)
+    records["x"], records["y"] = discs.centers[kept].T
+    records["radius"] = discs.radii[kept]
+    records["reach"] = discs.radii[kept] - margin
+    return Scene(records, np.stack([low - margin, high + margin]), margin), kept
+
+
+@compiled
+def _matters(
+    centers: Array, radii: Array, order: Integers, low: Array, high: Array, margin: float
+) -> NDArray[np.bool_]:
+    """Whether a disc reaches into the bounds and is within none that comes before it in order."""
+    matters = np.zeros(len(radii), dtype=np.bool_)
+    for place in range(len(order)):
+        i = order[place]
+        x, y, radius = centers[i, 0], centers[i, 1], radii[i]
+        beyond_x = max(low[0] - x, x - high[0], 0.0)
+        beyond_y = max(low[1] - y, y - high[1], 0.0)
+        keep = radius > margin and np.hypot(beyond_x, beyond_y) < radius
+        for k in order[:place]:
+            if not keep:
+                break
+            apart = np.hypot(centers[k, 0] - x, centers[k, 1] - y)
+            keep = not matters[k] or apart + radius > radii[k] + margin
+        matters[i] = keep
+    return matters
+
+
+@compiled
+def view(discs: Records, x: float, y: float) -> View:
+    """Discs as they are seen from a point, the nearest first."""
+    near = np.empty(len(discs))
+    for k in range(len(discs)):
+        disc = discs[k]
+        near[k] = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2) - disc.radius
+    order = np.argsort(near)
+    return View(order, near[order])
+
+
+@compiled
+def tangent(x: float, y: float, across: float) -> tuple[float, float, float]:
+    """Length and direction of the tangent of two discs whose centres are (x, y) apart.
+
+    Args:
+        x: from the first centre to the second [m].
+        y: likewise [m].
+        across: sense times radius of the second less that of the first [m]; where it exceeds
+            the centres' distance the discs are taken to touch.
+
+    Returns:
+        Length [m] and unit direction; NaN if the centres coincide.
+    """
+    square = x * x + y * y
+    length = np.sqrt(max(square - across * across, 0.0))
+    if length == 0.0:
+        across = math.copysign(np.sqrt(square), across)
+    return length, (length * x + across * y) / square, (length * y - across * x) / square
+
+
+@compiled
+def angle(sense: float, ux: float, uy: float) -> float:
+    """Where a track's way has the direction (ux, uy): an angle in its sense, in [0, 2 pi)."""
+    # seen from the centre, the point lies in the direction (uy, -ux) times the sense
+    return math.atan2(-ux, sense * uy) % TURN
+
+
+@compiled
+def is_clear(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    far: float,
+    discs: Records,
+    view: View,
+    one: int,
+    other: int,
+) -> bool:
+    """Whether a line from (x, y) in a unit direction meets no disc but `one` and `other`.
+
+    Args:
+        x: where it starts [m].
+        y: likewise [m].
+        ux: unit direction.
+        uy: likewise.
+        length: of the line [m].
+        far: greatest distance of its points from where `view` was taken [m].
+        discs: (n,).
+        view: the discs in the order to be looked at.
+        one: a disc that it touches, or -1.
+        other: likewise.
+    """
+    for place in range(len(discs)):
+        if view.near[place] >= far:
+            break
+        k = view.order[place]
+        if k in (one, other):
+            continue
+        disc = discs[k]
+        dx, dy = disc.x - x, disc.y - y
+        beside = dx * uy - dy * ux
+        if abs(beside) >= disc.reach:
+            continue
+        along = dx * ux + dy * uy
+        beyond = -along if along < 0.0 else max(along - length, 0.0)
+        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+            return False
+    return True
+
+
+@compiled
+def tangents(scene: Scene) -> Tangents:
+    """All common tangents of discs that meet no other disc."""
+    discs = scene.discs
+    room, count = 256, 0
+    leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+    angles, lengths = np.empty((room, 2)), np.empty(room)
+    for i in range(len(discs)):
+        one = discs[i]
+        around = view(discs, one.x, one.y)
+        for j in range(i + 1, len(discs)):
+            two = discs[j]
+            x, y = two.x - one.x, two.y - one.y
+            apart = np.sqrt(x * x + y * y)
+            for kind in range(4):
+                left, right = 1.0 - 2.0 * (kind // 2), 1.0 - 2.0 * (kind % 2)
+                r, s = left * one.radius, right * two.radius
+                if abs(s - r) > apart + scene.margin:
+                    continue
+                length, ux, uy = tangent(x, y, s - r)
+                x0, y0, far = one.x + r * uy, one.y - r * ux, np.sqrt(length * length + r * r)
+                if not is_clear(x0, y0, ux, uy, length, far, discs, around, i, j):
+                    continue
+                if count == room:
+                    room *= 2
+                    leave = np.append(leave, np.empty_like(leave))
+                    arrive = np.append(arrive, np.empty_like(arrive))
+                    lengths = np.append(lengths, np.empty_like(lengths))
+                    angles = np.append(angles, np.empty_like(angles)).reshape(room, 2)
+                leave[count], arrive[count] = 2 * i + kind // 2, 2 * j + kind % 2
+                angles[count, 0], angles[count, 1] = angle(left, ux, uy), angle(right, ux, uy)
+                lengths[count] = length
+                count += 1
+    return Tangents(leave[:count], arrive[:count], angles[:count], lengths[:count])

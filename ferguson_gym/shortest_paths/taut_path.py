@@ -1,0 +1,77 @@
+"""A path of straight lines and arcs along discs."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+
+MOST = 100_000
+"""Points on a piece of a path: one every 0.25 m of 25 km."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ShortestPath:
+    """The shortest path of its class: a line, an arc, a line, and so on; the last is a line.
+
+    Lines touch the arcs between them, so that the direction never jumps. Lines and arcs may
+    be of length zero: where the path starts or ends on a disc, passes from one disc to
+    another that touches it, or touches a disc without turning.
+    """
+
+    length: float
+    """[m]."""
+    lines: Array
+    """Start and end of each line, (m + 1, 2, 2) [m]."""
+    discs: NDArray[np.int64]
+    """(m,) which of the field's discs each arc is on."""
+    senses: NDArray[np.int64]
+    """(m,) +1 where it turns left, the disc on its left; -1 where it turns right."""
+    centers: Array
+    """(m, 2) of those discs [m]."""
+    radii: Array
+    """(m,) of those discs [m]."""
+    angles: Array
+    """(m, 2) direction from the centre to each arc's start and end [rad]; it grows along an
+    arc that turns left and falls along one that turns right."""
+
+    @property
+    def sweeps(self) -> Array:
+        """By how much each arc turns, (m,) [rad], never negative."""
+        turns: Array = np.abs(self.angles[:, 1] - self.angles[:, 0])
+        return turns
+
+    def points(self, spacing: float) -> Array:
+        """Points on the path from its start to its end, (n, 2) [m].
+
+        Args:
+            spacing: between neighbours along the path, at most [m], unless a piece is longer
+                than `MOST` of them. Ends of pieces are among the points. Chords between points
+                of an arc cut into its disc, by spacing^2 / (8 radius) at most.
+
+        Raises:
+            ValueError: a spacing that is not positive.
+        """
+        if not spacing > 0.0:
+            raise ValueError(f"spacing must be positive, got {spacing} m")
+        parts = [self.lines[0, :1]]
+        for k, (start, end) in enumerate(self.lines):
+            share = _shares(math.dist(start, end), spacing)[:, None]
+            parts.append(start + share * (end - start))
+            if k < len(self.discs):
+                first, last = self.angles[k]
+                share = _shares(self.radii[k] * abs(last - first), spacing)
+                angle = first + share * (last - first)
+                around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+                parts.append(self.centers[k] + self.radii[k] * around)
+        return np.concatenate(parts)
+
+
+def _shares(length: float, spacing: float) -> Array:
+    """How far along a piece its points lie, without its start; none for one without length."""
+    number = min(math.ceil(length / spacing), MOST)
+    return np.arange(1, number + 1) / max(number, 1)

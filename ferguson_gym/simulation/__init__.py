@@ -1,0 +1,1 @@
+"""The environment's step as compiled code: observations, rewards, and many flights at once."""

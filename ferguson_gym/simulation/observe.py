@@ -1,0 +1,64 @@
+"""What a pilot sees from any state of a flight, without an environment."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from ferguson_gym.simulation.observations import Layout, Observation, entries_of, look
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.transition import State
+
+
+@lru_cache(maxsize=16)
+def _layout(settings: Settings) -> Layout:
+    """The settings' own, made once: to make it takes longer than to look."""
+    return settings.layout
+
+
+def observe_one(field: Field, vehicle: State, settings: Settings) -> Observation:
+    """The observation (size,) by entry of a single vehicle; otherwise as `observe`."""
+    return {name: rows[0] for name, rows in observe(field, [vehicle], settings).items()}
+
+
+def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Observation:
+    """Observations (n, size) by entry, as an environment with these settings gives them.
+
+    Args:
+        field: that all of the vehicles fly.
+        vehicles: n states.
+        settings: of the environment.
+
+    Raises:
+        TypeError: obstacles other than discs.
+        ValueError: a field that is not planar.
+    """
+    discs = planar_discs(field)
+    layout, most = _layout(settings), settings.segments
+    sizes, count = layout.entries(), len(vehicles)
+    seen = np.empty(count * sum(sizes.values()), np.float32)
+    columns = np.ascontiguousarray(discs.centers.T)
+    work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
+    position, derivative = np.empty(2), np.empty(2)
+    for i, vehicle in enumerate(vehicles):
+        # copied: for memory that may not be written, another kernel would be compiled
+        position[:], derivative[:] = vehicle.position, vehicle.derivative
+        look(
+            seen,
+            i,
+            count,
+            layout,
+            position,
+            derivative,
+            1.0 - vehicle.segments / most,
+            field.goal,
+            field.bounds,
+            columns,
+            discs.radii,
+            work,
+            found,
+        )
+    return entries_of(seen, sizes, count)

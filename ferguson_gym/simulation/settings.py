@@ -1,0 +1,162 @@
+"""What the environments are made with, checked in one place."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from numbers import Integral, Real
+from typing import Any
+
+from ferguson_gym.runtime.arrays import finite, shortened
+from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
+from ferguson_gym.simulation.reward import Prices
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.suites import SUITES, Recipe, Scattered, altered, check_suite, suite_discs
+
+MOST_FIELDS = 1_000_000
+"""That resets may draw from: each has its place in an array."""
+MOST_OBSTACLES = 10_000
+"""That a field may have room for; also the most rays, rows and segments."""
+FARTHEST = 1000.0
+"""That may be seen [m]."""
+MOST_IN_TRAPS = 117
+"""Five pockets of at most 21 discs, and 12 single ones."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """Arguments of the environment `ferguson/ObstacleField-v0`; its docstring explains them.
+
+    Raises:
+        ValueError: an argument that makes no sense; the message says which would.
+    """
+
+    suite: str = "standard"
+    split: str = "train"
+    fields: int = 10_000
+    obstacles: int | None = None
+    radii: Sequence[float] | None = None
+    gate: float = PAPER_LIMITS.gate
+    segments: int = PAPER_LIMITS.segments
+    observation: str = "discs"
+    nearest: int = 12
+    focus: float = 0.0
+    rays: int = 64
+    view: float = 30.0
+    detour: float = 4.0
+    failure: float = 2.0
+    capacity: int | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("suite", "split", "observation"):
+            if not isinstance(given := getattr(self, name), str):
+                raise ValueError(f"{name} must be a name, got {shortened(given)}")
+        check_suite(self.suite, self.split)
+        self._check_numbers()
+        if not 1 <= self.fields <= MOST_FIELDS:
+            raise ValueError(
+                f"resets draw from 1 to {MOST_FIELDS} fields, got fields={self.fields}"
+            )
+        for name in ("obstacles", "capacity"):
+            number = getattr(self, name)
+            if number is not None and not 0 <= number <= MOST_OBSTACLES:
+                raise ValueError(
+                    f"a field has 0 to {MOST_OBSTACLES} obstacles, got {name}={number}"
+                )
+        if self.observation not in KINDS:
+            raise ValueError(
+                f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
+            )
+        for name in ("nearest", "rays", "segments"):
+            if not 1 <= (number := getattr(self, name)) <= MOST_OBSTACLES:
+                raise ValueError(f"need {name} from 1 to {MOST_OBSTACLES}, got {number}")
+        if not 1.0 <= self.view <= FARTHEST:
+            raise ValueError(f"view lies between 1 and {FARTHEST:g} m, got {self.view}")
+        if not 0.0 <= self.focus <= self.view:
+            raise ValueError(f"focus lies between 0 and {self.view:g} m ahead, got {self.focus}")
+        for name in ("detour", "failure"):
+            if not 0.0 <= (price := getattr(self, name)) <= 100.0:
+                raise ValueError(f"the price {name} lies between 0 and 100, got {price}")
+        if self.capacity is not None and self.capacity < self._most():
+            raise ValueError(
+                f"the suite's fields have up to {self._most()} obstacles, "
+                f"more than capacity={self.capacity}"
+            )
+        _ = self.limits, self.recipe  # they refuse what they cannot be made of
+
+    def _check_numbers(self) -> None:
+        whole = ("fields", "obstacles", "segments", "nearest", "rays", "capacity")
+        for name in (*whole, "gate", "focus", "view", "detour", "failure"):
+            given = getattr(self, name)
+            if given is None and name in ("obstacles", "capacity"):
+                continue
+            if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
+                a_number = "a whole number" if name in whole else "a number"
+                raise ValueError(f"{name} must be {a_number}, got {shortened(given)}")
+        if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
+            raise ValueError(f"radii are (least, greatest), got {shortened(self.radii)}")
+        if self.radii is not None:  # not the caller's own list, which may change
+            object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of a flight."""
+        return replace(PAPER_LIMITS, gate=float(self.gate), segments=int(self.segments))
+
+    @property
+    def prices(self) -> Prices:
+        """Prices in the reward."""
+        return Prices(float(self.detour), float(self.failure))
+
+    @property
+    def recipe(self) -> Recipe:
+        """Draws the discs of a field."""
+        if self.obstacles is None and self.radii is None:
+            return SUITES[self.suite]
+        radii = None if self.radii is None else (self.radii[0], self.radii[1])
+        return altered(self.suite, self.obstacles, radii)
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of observations."""
+        nearest = 0 if self.observation == "rays" else int(self.nearest)
+        rays = 0 if self.observation == "discs" else int(self.rays)
+        return Layout(nearest, rays_around(rays), float(self.focus), float(self.view))
+
+    @property
+    def most(self) -> int:
+        """Obstacles that a field may have."""
+        return self._most() if self.capacity is None else self.capacity
+
+    def _most(self) -> int:
+        recipe = self.recipe
+        return sum(recipe.designs) if isinstance(recipe, Scattered) else MOST_IN_TRAPS
+
+    def discs(self, seed: int) -> Discs:
+        """The discs of a seed's field."""
+        return suite_discs(self.suite, self.split, seed, self.recipe)
+
+    def field(self, seed: int) -> Field:
+        """The field of a seed; one that is not the suite's own says what was altered."""
+        name = f"{self.suite}/{self.split}:{seed}"
+        if self.obstacles is not None:
+            name += f", {self.obstacles} obstacles"
+        if self.radii is not None:
+            name += f", radii {self.radii[0]:g} to {self.radii[1]:g} m"
+        return Field(name=name, obstacles=self.discs(seed))
+
+
+def settings_of(arguments: dict[str, Any]) -> Settings:
+    """The settings that an environment's arguments mean.
+
+    Raises:
+        TypeError: an unknown argument.
+        ValueError: as `Settings`.
+    """
+    known = [field.name for field in dataclasses.fields(Settings)]
+    if unknown := sorted(set(arguments) - set(known)):
+        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
+    return Settings(**arguments)

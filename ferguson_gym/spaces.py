@@ -1,0 +1,75 @@
+"""What both environments take and give: spaces, arguments, actions, seeds, fields, infos."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, cast
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import ArrayLike
+
+from ferguson_gym.runtime.arrays import real, shortened
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.suites import LAST_SEED
+
+
+def action_space() -> spaces.Space[Action]:
+    """The space of one vehicle's actions."""
+    return cast("spaces.Space[Action]", spaces.Box(-1.0, 1.0, (4,), np.float32))
+
+
+def observation_space(settings: Settings) -> spaces.Space[Observation]:
+    """The space of one vehicle's observations."""
+    low = {"mask": 0.0, "rays": 0.0}
+    boxes: dict[str, spaces.Space[Any]] = {
+        key: spaces.Box(low.get(key, -1.0), 1.0, (size,), np.float32)
+        for key, size in settings.layout.entries().items()
+    }
+    return cast("spaces.Space[Observation]", spaces.Dict(boxes))
+
+
+def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
+    """Actions in single precision, as the space has them.
+
+    Raises:
+        ValueError: another shape, or no numbers.
+    """
+    if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
+        return np.ascontiguousarray(action)
+    array = real("action", action)
+    if array.shape != shape:
+        raise ValueError(f"action must have shape {shape}, got {array.shape}")
+    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+        return array.astype(np.float32)
+
+
+def as_seed(seed: object) -> int | None:
+    """A seed as a plain number; None stays None.
+
+    Raises:
+        ValueError: anything else.
+    """
+    if seed is None:
+        return None
+    if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
+        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {shortened(seed)}")
+    return int(seed)
+
+
+def known_options(options: object, *names: str) -> Mapping[str, Any]:
+    """Options of a reset; none for None.
+
+    Raises:
+        ValueError: no dictionary, or others than `names`.
+    """
+    known = " and ".join(repr(name) for name in names)
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"reset options are a dictionary with {known}, got {shortened(options)}")
+    if unknown := set(options) - set(names):
+        raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")
+    return options

@@ -1,0 +1,1 @@
+"""Fields of obstacles, limits, feasibility, actions and what becomes of a flight."""

@@ -1,0 +1,218 @@
+"""The one encoding of segments as actions, shared by environment, optimiser and agents.
+
+An action (4,) in [-1, 1] names the end point and end derivative of a planar segment, in the
+frame that is turned with the vehicle (first axis forward, second to the left):
+
+- end point: `REACH` times the Möbius translation (q + z) / (1 + q z) of z = a[0] + i a[1].
+  The unit disc is mapped onto itself, smoothly, so every end point within 15.001 m has
+  exactly one action, and z = 0 is 9 m ahead (q = 9 / 15.001).
+- end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and
+  coarse far out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a
+  derivative of 9 m per unit t. Its axes are turned by 2 y / 9 m, y the end point's distance
+  to the left: near straight flight that is the way a circular arc to the end point arrives,
+  so an action of end points alone flies smooth curves.
+
+A feasible segment of 15 m has derivatives below 4.3904 x 15 m = 65.86 m per unit t (the
+greatest value at an end of a quadratic polynomial whose absolute value has integral one),
+so the encoding reaches them all.
+"""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.jit import compiled
+
+Action: TypeAlias = NDArray[np.float32]
+
+REACH = 15.001
+"""Distance of the farthest end point [m]: the longest segment, the tolerance, and some."""
+STEEPEST = 66.0
+"""Largest coordinate of an end derivative [m per unit t]."""
+AHEAD = 9.0
+"""Distance [m] and derivative [m per unit t] of the zero action, straight ahead."""
+_SHARE = AHEAD / REACH
+_FINENESS = 4.0
+_SPREAD = STEEPEST / np.sinh(_FINENESS)
+_OFFSET = float(np.arcsinh(AHEAD / _SPREAD) / _FINENESS)
+_TINY = 1e-140
+"""Below it derivatives are scaled before they are squared [m per unit t]."""
+
+BEND = 2.0 * REACH / AHEAD
+"""Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
+
+
+@compiled
+def heading(along: float, across: float) -> complex:
+    """A derivative's direction as a complex number of size 1; of zero, the first axis."""
+    size = np.sqrt(along * along + across * across)
+    if size < _TINY:  # the squares have few digits, or none
+        scale = max(abs(along), abs(across))
+        if scale == 0.0:
+            return 1.0 + 0.0j
+        along, across = along / scale, across / scale
+        size = np.sqrt(along * along + across * across)
+    return complex(along / size, across / size)
+
+
+@compiled
+def share_of_steepest(slope: float) -> float:
+    """A derivative's coordinate [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
+    return float(np.arcsinh(slope / _SPREAD) / _FINENESS)
+
+
+@compiled
+def end_point(ahead: float, left: float) -> complex:
+    """End point that two entries mean, in the vehicle's frame, part of `REACH`."""
+    below = complex(1.0 + _SHARE * ahead, -_SHARE * left)
+    square = below.real * below.real + below.imag * below.imag
+    above = complex(_SHARE + ahead, left) * below
+    return complex(above.real / square, above.imag / square)
+
+
+@compiled
+def _arrival(end: complex) -> complex:
+    turn = BEND * end.imag
+    return complex(np.cos(turn), np.sin(turn))
+
+
+@compiled
+def decode_into(
+    control: Array,
+    action: NDArray[np.floating[Any]],
+    position: Array,
+    derivative: Array,
+    goal: Array,
+    gate: float,
+) -> None:
+    """`decode` into a control array (4, 2), without its checks."""
+    forward = heading(derivative[0], derivative[1])
+    end = end_point(float(action[0]), float(action[1]))
+    step = REACH * end * forward
+    share = float(action[2])
+    along = np.sinh(_FINENESS * ((_OFFSET + share) / (1.0 + _OFFSET * share)))
+    across = np.sinh(_FINENESS * float(action[3]))
+    slope = _SPREAD * forward * _arrival(end) * complex(along, across)
+    control[0, 0], control[0, 1] = position[0], position[1]
+    control[1, 0], control[1, 1] = position[0] + step.real, position[1] + step.imag
+    control[2, 0], control[2, 1] = derivative[0], derivative[1]
+    control[3, 0], control[3, 1] = slope.real, slope.imag
+    x, y = control[1, 0] - goal[0], control[1, 1] - goal[1]
+    if np.sqrt(x * x + y * y) <= gate:
+        control[1, 0], control[1, 1] = goal[0], goal[1]
+
+
+def check_action(action: ArrayLike, where: str = "") -> Array:
+    """Return an action (4,) in double precision.
+
+    Raises:
+        ValueError: another shape, not finite, or outside [-1, 1]; the message says `where`.
+    """
+    return _within_box(finite(f"action{where}", action, (4,)), action, where)
+
+
+def check_actions(actions: ArrayLike, number: int) -> Array:
+    """Return so many actions (number, 4) in double precision.
+
+    Raises:
+        ValueError: another shape, not finite, or outside [-1, 1].
+    """
+    return _within_box(finite("actions", actions, (number, 4)), actions, "")
+
+
+def _within_box(given: Array, action: ArrayLike, where: str) -> Array:
+    if given.size and np.abs(given).max() > 1.0:
+        raise ValueError(
+            f"an action lies in [-1, 1], got {np.asarray(action).tolist()}{where}; "
+            "clip it, or encode a segment"
+        )
+    return given
+
+
+def _unshifted(value: Any, share: float) -> Any:
+    """Inverse of the translation of the unit interval or disc by `share`."""
+    return (value - share) / (1.0 - share * value)
+
+
+def decode(
+    action: ArrayLike, position: Array, derivative: Array, goal: Array, gate: float
+) -> Array:
+    """The segment (4, 2) that an action means for a vehicle's position and derivative.
+
+    An end point within the gate of the goal is moved onto the goal.
+
+    Args:
+        action: (4,) in [-1, 1].
+        position: (2,) where the vehicle is [m].
+        derivative: (2,) its derivative [m per unit t].
+        goal: (2,) [m].
+        gate: [m].
+
+    Raises:
+        ValueError: another shape, not finite, or an action outside [-1, 1].
+
+    Example:
+        >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
+        >>> decode([0, 0, 0, 0], here, ahead, goal, gate=1.0).round(6).tolist()
+        [[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]]
+    """
+    given = check_action(action)
+    here, ahead = finite("position", position, (2,)), finite("derivative", derivative, (2,))
+    control = np.empty((4, 2))
+    decode_into(control, given, here, ahead, finite("goal", goal, (2,)), gate)
+    return control
+
+
+def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
+    """The action that makes a vehicle fly to a segment's end: the inverse of `decode`.
+
+    Only the end rows of the segment are used; start and heading are the vehicle's own, so
+    errors of earlier steps do not add up.
+
+    Args:
+        segment: (4, 2) control array.
+        position: (2,) where the vehicle is [m].
+        derivative: (2,) its derivative [m per unit t].
+
+    Returns:
+        (4,) float32. `decode` gives the end back to a rounding of float32: 4e-6 m, and
+        3e-5 m per unit t at the steepest derivative.
+
+    Raises:
+        ValueError: no action reaches the segment's end or end derivative; another shape, or
+            not finite.
+
+    Example:
+        >>> here, ahead, goal = np.zeros(2), np.array([9.0, 0.0]), np.array([100.0, 100.0])
+        >>> action = encode([[0, 0], [9, 3], [9, 0], [9, 6]], here, ahead)
+        >>> decode(action, here, ahead, goal, gate=1.0).round(5).tolist()
+        [[0.0, 0.0], [9.0, 3.0], [9.0, 0.0], [9.0, 6.0]]
+    """
+    control = finite("segment", segment, (4, 2))
+    ahead = finite("derivative", derivative, (2,))
+    turn = heading(ahead[0], ahead[1]).conjugate()
+    offset = control[1] - finite("position", position, (2,))
+    step = complex(offset[0], offset[1]) * turn / REACH
+    slope = complex(control[3, 0], control[3, 1]) * turn / _SPREAD
+    # the inverse maps have their poles beyond all that an action reaches
+    if inside := abs(step) < 1.0 / _SHARE:
+        there = _unshifted(step, _SHARE)
+        point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)
+        # the axes are turned as the rounded action will turn them
+        slope *= _arrival(end_point(float(point[0]), float(point[1]))).conjugate()
+        along, across = np.arcsinh([slope.real, slope.imag]) / _FINENESS
+        if inside := abs(along) < 1.0 / _OFFSET:
+            action = np.array([there.real, there.imag, _unshifted(along, _OFFSET), across])
+            inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
+    if not inside:
+        raise ValueError(
+            f"no action reaches a segment that ends {abs(step) * REACH:.6g} m away with "
+            f"derivative {np.linalg.norm(control[3]):.6g} m per unit t; feasible segments "
+            f"stay within {REACH} m and {STEEPEST} m per unit t"
+        )
+    single: Action = np.clip(action, -1.0, 1.0).astype(np.float32)
+    return single

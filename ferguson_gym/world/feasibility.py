@@ -1,0 +1,176 @@
+"""Whether a segment may be flown: the one test that environment, planners and evaluation use."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ferguson_gym.curves.arc_length import length, segment_length
+from ferguson_gym.curves.certified_kernels import (
+    Scratch,
+    rooms,
+    segment_clearance,
+    segment_room,
+    segment_speed,
+)
+from ferguson_gym.curves.clearance import least_speed
+from ferguson_gym.curves.splines import as_control
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled_in_place
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits, Numbers
+from ferguson_gym.world.outcome import Outcome
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Inspection:
+    """What certification found along whole segments; every array has their batch shape."""
+
+    length: Array
+    """Arc length [m]."""
+    clearance: Array
+    """Least clearance from all obstacles [m]; infinite without obstacles."""
+    room: Array
+    """Least distance inside the field's bounds [m]; negative outside."""
+    speed: Array
+    """Least |X'(t)| [m per unit t]."""
+
+    def slack(self, limits: Limits) -> Array:
+        """By how much each test is passed [m]: (*batch, 5), feasible where >= -tolerance.
+
+        In the order in which a failure is named: regular, long enough, short enough,
+        inside the bounds, clear of obstacles.
+        """
+        return np.stack(
+            [
+                self.speed - limits.slowest,
+                self.length - limits.shortest,
+                limits.longest - self.length,
+                self.room,
+                self.clearance,
+            ],
+            axis=-1,
+        )
+
+    def outcome(self, limits: Limits = PAPER_LIMITS) -> Outcome:
+        """FLYING if the (single) segment is feasible, else why it is not."""
+        failed = np.flatnonzero(~(self.slack(limits) >= -limits.tolerance))
+        return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
+
+
+FLYING, NOT_REGULAR, TOO_SHORT, TOO_LONG, LEFT_BOUNDS, COLLISION = (
+    outcome.code
+    for outcome in (
+        Outcome.FLYING,
+        Outcome.NOT_REGULAR,
+        Outcome.TOO_SHORT,
+        Outcome.TOO_LONG,
+        Outcome.LEFT_BOUNDS,
+        Outcome.COLLISION,
+    )
+)
+"""Codes, for compiled functions."""
+
+_FAILURES = (
+    Outcome.NOT_REGULAR,
+    Outcome.TOO_SHORT,
+    Outcome.TOO_LONG,
+    Outcome.LEFT_BOUNDS,
+    Outcome.COLLISION,
+)
+
+
+@compiled_in_place
+def first_failure(
+    control: Array,
+    bounds: Array,
+    columns: Array,
+    radii: Array,
+    limits: Numbers,
+    below: float,
+    scratch: Scratch,
+) -> tuple[int, float, float]:
+    """Whether one segment among discs may be flown, as `Inspection.outcome` decides it.
+
+    Args:
+        control: (4, D) segment.
+        bounds: (2, D) of the field.
+        columns: (D, n) centres of the discs.
+        radii: (n,).
+        limits: of the flight.
+        below: a clearance that is not below this need not be found.
+        scratch: memory, for n discs or more.
+
+    Returns:
+        The code of FLYING or of the first failure; length; clearance or `below` if that is
+        less. Length and clearance are those of a segment that may be flown, else zero.
+    """
+    slack = limits.tolerance
+    # NaN fails every test
+    if not segment_speed(control, limits.slowest, scratch)[0] - limits.slowest >= -slack:
+        return NOT_REGULAR, 0.0, 0.0
+    length = segment_length(control, scratch.pieces, scratch.widths, scratch.speed2, scratch.axes)
+    if not length - limits.shortest >= -slack:
+        return TOO_SHORT, 0.0, 0.0
+    if not limits.longest - length >= -slack:
+        return TOO_LONG, 0.0, 0.0
+    if not segment_room(control, bounds, -slack) >= -slack:
+        return LEFT_BOUNDS, 0.0, 0.0
+    clearance = segment_clearance(control, columns, radii, below, scratch)
+    if not clearance >= -slack:
+        return COLLISION, 0.0, 0.0
+    return FLYING, length, clearance
+
+
+def inspect(control: ArrayLike, field: Field) -> Inspection:
+    """Certify segments (*batch, 4, D) in a field, along their whole length.
+
+    Raises:
+        ValueError: a control array of the wrong shape or not finite.
+
+    Example:
+        >>> from ferguson_gym.world.field_names import one
+        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], one("paper:2"))
+        >>> found.outcome().sentence
+        'still on its way'
+    """
+    control = as_control(control)
+    if control.shape[-1] != len(field.start):
+        raise ValueError(
+            f"field {field.name} has {len(field.start)} dimensions, "
+            f"the control array {control.shape[-1]}"
+        )
+    flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
+    speed, _ = least_speed(control)
+    return Inspection(
+        length=length(control),
+        clearance=field.obstacles.clearance(control),
+        room=rooms(flat, field.bounds).reshape(control.shape[:-2]),
+        speed=speed,
+    )
+
+
+def is_feasible(
+    control: ArrayLike,
+    field: Field,
+    limits: Limits = PAPER_LIMITS,
+    tolerance: float | None = None,
+) -> NDArray[np.bool_]:
+    """Whether each segment is feasible: (*batch,) of bool.
+
+    Args:
+        control: (*batch, 4, D) segments.
+        field: where they are flown.
+        limits: what a segment may be.
+        tolerance: instead of the limits' own [m]; planners aim for less.
+
+    Example:
+        >>> from ferguson_gym.world.field_names import one
+        >>> bend, long = [[0, 0], [9, 3], [9, 0], [9, 6]], [[0, 0], [20, 0], [20, 0], [20, 0]]
+        >>> is_feasible([bend, long], one("paper:2")).tolist()
+        [True, False]
+    """
+    allowed = limits.tolerance if tolerance is None else tolerance
+    return np.asarray((inspect(control, field).slack(limits) >= -allowed).all(axis=-1))

@@ -1,0 +1,177 @@
+"""A field: obstacles, start, goal, bounds and start derivative, and its JSON form."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ferguson_gym.runtime.arrays import Array, finite, frozen, real
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs, Obstacles
+
+START = (0.0, 0.0)
+GOAL = (100.0, 100.0)
+BOUNDS = (-10.0, 110.0)
+START_SPEED = 5.0
+"""Length of the default start derivative [m per unit t]; it points at the goal."""
+
+_REQUIRED = ("centers", "radii")
+_OPTIONAL = ("start", "goal", "bounds", "start_derivative")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Field:
+    """What a flight goes through. It does not change.
+
+    Raises:
+        ValueError: shapes that do not match, NaN or infinity, start or goal inside an
+            obstacle or outside the bounds, start on the goal, bounds upside down, a start
+            derivative shorter than a regular segment allows.
+    """
+
+    name: str
+    """How files and people call it, for example `paper:1`."""
+    obstacles: Obstacles
+    start: Array = dataclasses.field(default_factory=lambda: np.array(START))
+    """(D,) [m]."""
+    goal: Array = dataclasses.field(default_factory=lambda: np.array(GOAL))
+    """(D,) [m]."""
+    bounds: Array = dataclasses.field(default_factory=lambda: np.array(BOUNDS))
+    """Least and greatest coordinate: (2,) for all alike, or (2, D) [m]; kept as (2, D)."""
+    start_derivative: Array | None = None
+    """(D,) [m per unit t]; None: towards the goal, 5 m per unit t. Kept as an array."""
+
+    def __post_init__(self) -> None:
+        start = finite("start", self.start, (None,))
+        goal = finite("goal", self.goal, (len(start),))
+        if self.obstacles.dimension != len(start):
+            raise ValueError(
+                f"obstacles have {self.obstacles.dimension} dimensions, start and goal {len(start)}"
+            )
+        bounds = real("bounds", self.bounds)
+        bounds = finite("bounds", bounds, (2,) if bounds.ndim < 2 else (2, len(start)))
+        if bounds.ndim == 1:
+            bounds = np.repeat(bounds[:, None], len(start), axis=1)
+        if (bounds[0] >= bounds[1]).any():
+            raise ValueError(f"bounds must be (least, greatest), got {bounds.tolist()}")
+        way = goal - start
+        distance = float(np.linalg.norm(way))
+        if distance == 0.0:
+            raise ValueError(f"start and goal coincide at {_point(start)}")
+        derivative = (
+            START_SPEED * way / distance
+            if self.start_derivative is None
+            else finite("start_derivative", self.start_derivative, (len(start),))
+        )
+        if np.linalg.norm(derivative) < PAPER_LIMITS.slowest:
+            raise ValueError(
+                f"start_derivative must be at least {PAPER_LIMITS.slowest} m per unit t long, "
+                f"got {_point(derivative)}"
+            )
+        for label, point in (("start", start), ("goal", goal)):
+            if (point < bounds[0]).any() or (point > bounds[1]).any():
+                raise ValueError(
+                    f"{label} {_point(point)} lies outside the bounds {bounds.tolist()}"
+                )
+            if len(self.obstacles):
+                depth = self.obstacles.signed_distance(point)
+                if depth.min() < 0.0:
+                    raise ValueError(
+                        f"{label} {_point(point)} lies {-depth.min():.3g} m inside "
+                        f"obstacle {int(depth.argmin())}"
+                    )
+        object.__setattr__(self, "start", frozen(start))
+        object.__setattr__(self, "goal", frozen(goal))
+        object.__setattr__(self, "bounds", frozen(bounds))
+        object.__setattr__(self, "start_derivative", frozen(derivative))
+
+    @property
+    def departure(self) -> Array:
+        """The start derivative (D,) [m per unit t], never None."""
+        assert self.start_derivative is not None
+        return self.start_derivative
+
+    @property
+    def distance(self) -> float:
+        """Straight distance from start to goal [m]."""
+        return float(np.linalg.norm(self.goal - self.start))
+
+
+def _point(point: ArrayLike) -> str:
+    return "(" + ", ".join(f"{value:g}" for value in np.asarray(point)) + ")"
+
+
+def from_json(path: str | os.PathLike[str]) -> Field:
+    """Read a field of discs from a JSON file; the file's stem is its name.
+
+    Keys: `centers` (n, D) and `radii` (n,), optional `start`, `goal`, `bounds`,
+    `start_derivative`. Other keys are ignored with a warning.
+
+    Raises:
+        ValueError: not JSON, keys missing, or values that `Field` refuses; the message
+            names the file.
+        OSError: the file cannot be read.
+    """
+    path = Path(path)
+    try:
+        data: Any = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(data, dict):
+            raise ValueError("a field is a JSON object with centers and radii")
+        if missing := [key for key in _REQUIRED if key not in data]:
+            raise ValueError(f"a field needs {' and '.join(missing)}")
+        options = {key: data[key] for key in _OPTIONAL if data.get(key) is not None}
+        # without discs, the start says in how many dimensions there are none
+        none = np.empty((0, np.size(options.get("start", START))))
+        centers = none if data["centers"] == [] else data["centers"]
+        field = Field(name=path.stem, obstacles=Discs(centers, data["radii"]), **options)
+    except json.JSONDecodeError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path}: {error}") from None
+    if unknown := sorted(set(data) - {*_REQUIRED, *_OPTIONAL}):
+        warnings.warn(f"{path}: ignored unknown keys {', '.join(map(repr, unknown))}", stacklevel=2)
+    return field
+
+
+def to_json(field: Field, path: str | os.PathLike[str]) -> None:
+    """Write a field of discs as JSON; reading it again gives the same numbers, bit for bit.
+
+    Raises:
+        TypeError: obstacles other than discs, which the format does not hold.
+    """
+    if not isinstance(field.obstacles, Discs):
+        raise TypeError(f"only discs have a JSON form, got {type(field.obstacles).__name__}")
+    data = {
+        "centers": field.obstacles.centers.tolist(),
+        "radii": field.obstacles.radii.tolist(),
+        "start": field.start.tolist(),
+        "goal": field.goal.tolist(),
+        "bounds": field.bounds.tolist(),
+        "start_derivative": field.departure.tolist(),
+    }
+    with written_whole(path) as temporary:
+        temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
+
+
+def planar_discs(field: Field) -> Discs:
+    """The obstacles of a field, which environments show and step through.
+
+    Raises:
+        TypeError: obstacles other than discs.
+        ValueError: a field that is not planar.
+    """
+    discs = field.obstacles
+    if not isinstance(discs, Discs):
+        raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
+    if discs.dimension != 2:
+        raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
+    return discs

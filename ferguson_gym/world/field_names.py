@@ -1,0 +1,126 @@
+"""Fields by name: `paper:1`, `standard/train:0-99`, a JSON file or a directory of them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import partial
+from itertools import chain
+from pathlib import Path
+
+from ferguson_gym.runtime.arrays import shortened
+from ferguson_gym.world.field import Field, from_json
+from ferguson_gym.world.paper_fields import paper_field
+from ferguson_gym.world.suites import SPLITS, SUITES, suite_field
+
+_NAMED = re.compile(r"(?P<family>[^:]*):(?P<first>[0-9]{1,40})(-(?P<last>[0-9]{1,40}))?")
+
+GRAMMAR = (
+    "fields are named paper:1 to paper:4, SUITE/SPLIT:SEED or SUITE/SPLIT:A-B (B included; "
+    f"suites {', '.join(SUITES)}; splits {', '.join(SPLITS)}), "
+    "or by the path of a JSON file or of a directory of such files"
+)
+"""How fields are named, in one sentence for help and errors."""
+_PATH = 300
+"""Characters of a path that an error shows."""
+
+
+def select(spec: str) -> Iterator[Field]:
+    """The fields that a specification names, one at a time.
+
+    Bad specifications raise here, before the first field is drawn; files are read as they
+    come.
+
+    Raises:
+        ValueError: an unknown suite, split, file or an empty range.
+
+    Example:
+        >>> [field.name for field in select("paper:1-4")]
+        ['paper:1', 'paper:2', 'paper:3', 'paper:4']
+    """
+    if not spec:
+        raise ValueError(f"a field needs a name: {GRAMMAR}")
+    path = Path(spec)
+    try:
+        files = _in(path) if path.is_dir() else [path] if path.is_file() else None
+    except OSError:  # a name too long for a file
+        files = None
+    if files == []:
+        raise ValueError(f"no JSON files in directory {shortened(spec, _PATH)}")
+    if files is not None:
+        return map(from_json, files)
+    match = _NAMED.fullmatch(spec)
+    if match is None:
+        if path.suffix == ".json":
+            raise ValueError(f"no such field file: {shortened(spec, _PATH)}")
+        raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
+    first = int(match["first"])
+    last = int(match["last"] or first)
+    if first > last:
+        raise ValueError(f"empty range in {shortened(spec)}: {first} is above {last}")
+    if match["family"] == "paper":
+        draw = paper_field
+    else:
+        suite, slash, split = match["family"].partition("/")
+        if not slash:
+            raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
+        draw = partial(suite_field, suite, split)
+    lowest = draw(first)
+    if last > first:
+        draw(last)  # the ends show whether the whole range is known
+    return chain([lowest], map(draw, range(first + 1, last + 1)))
+
+
+def _in(directory: Path) -> list[Path]:
+    """Its JSON files; hidden ones are others' business, half-written ones among them."""
+    return sorted(path for path in directory.glob("*.json") if not path.name.startswith("."))
+
+
+def family(spec: str) -> tuple[str, range]:
+    """What a specification of drawn fields names: `FAMILY:n` for each n of a range.
+
+    Such names mean the same fields everywhere and always; files may change.
+
+    Raises:
+        ValueError: as `select`, or it names files.
+    """
+    select(spec)
+    match = _NAMED.fullmatch(spec)
+    if match is None or Path(spec).exists():
+        raise ValueError(
+            f"{shortened(spec)} is a file, which may change; need fields of a suite or of the paper"
+        )
+    first = int(match["first"])
+    return match["family"], range(first, int(match["last"] or first) + 1)
+
+
+def one(spec: str) -> Field:
+    """The single field that a specification names.
+
+    Raises:
+        ValueError: as `select`, or if it names more than one field.
+
+    Example:
+        >>> field = one("traps/validation:7")
+        >>> len(field.obstacles), field.goal.tolist()
+        (84, [100.0, 100.0])
+    """
+    fields = select(spec)
+    field = next(fields)
+    if next(fields, None) is not None:
+        raise ValueError(f"{shortened(spec)} names more than one field")
+    return field
+
+
+def as_field(given: object) -> Field:
+    """A field, by value or by name.
+
+    Raises:
+        ValueError: neither, or an unknown name.
+    """
+    field = one(given) if isinstance(given, str) else given
+    if not isinstance(field, Field):
+        raise ValueError(
+            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
+        )
+    return field

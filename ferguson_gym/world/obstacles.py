@@ -1,0 +1,143 @@
+"""Obstacles as signed distance and its gradient, and discs, the obstacles of the paper."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from ferguson_gym.curves import clearance as certified
+from ferguson_gym.runtime.arrays import Array, GenericArray, finite, frozen, real
+from ferguson_gym.runtime.jit import compiled
+
+
+class Obstacles(Protocol):
+    """What planners and the environment may ask of obstacles, whatever their shape."""
+
+    @property
+    def dimension(self) -> int:
+        """D of the space they stand in."""
+
+    def __len__(self) -> int: ...
+
+    def signed_distance(self, points: GenericArray) -> GenericArray:
+        """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside."""
+
+    def are_free(self, points: Array) -> NDArray[np.bool_]:
+        """Whether no point of each set (*batch, k, D) is inside an obstacle: (*batch,)."""
+
+    def gradient(self, points: Array) -> Array:
+        """Gradient of `signed_distance` with respect to the point: (*batch, n, D)."""
+
+    def near(self, point: ArrayLike, reach: float) -> Obstacles:
+        """The obstacles with a signed distance of at most `reach` [m] from a point."""
+
+    def only(self, keep: NDArray[np.bool_]) -> Obstacles:
+        """Those that a mask (n,) keeps."""
+
+    def grown(self, by: Array) -> Obstacles:
+        """Each with its surface moved outwards by a distance (n,) [m], 0 or more."""
+
+    def clearance(self, control: ArrayLike) -> Array:
+        """Certified least signed distance along whole segments: (*batch,) [m]."""
+
+    def closest(self, control: ArrayLike) -> tuple[Array, Array]:
+        """Certified clearance from each obstacle and its parameter: 2 x (*batch, n)."""
+
+
+@compiled
+def _are_free(points: Array, centers: Array, radii: Array) -> NDArray[np.bool_]:
+    result = np.ones(len(points), dtype=np.bool_)
+    for k in range(len(points)):
+        for disc in range(len(radii)):
+            for i in range(points.shape[1]):
+                square = 0.0
+                for d in range(points.shape[2]):
+                    square += (points[k, i, d] - centers[disc, d]) ** 2
+                if square < radii[disc] ** 2:
+                    result[k] = False
+                    break
+            if not result[k]:
+                break
+    return result
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Discs:
+    """Discs in the plane (balls in D dimensions); they may overlap.
+
+    Raises:
+        ValueError: mismatched shapes, NaN or infinity, radii that are not positive.
+    """
+
+    centers: Array
+    """Centres (n, D) [m]."""
+    radii: Array
+    """Radii (n,) [m]."""
+
+    def __post_init__(self) -> None:
+        centers = real("centers", self.centers)
+        if centers.shape == (0,):
+            centers = np.empty((0, 2))
+        centers = finite("centers", centers, (None, None))
+        radii = finite("radii", self.radii, (None,))
+        if len(centers) != len(radii):
+            raise ValueError(
+                f"every disc needs a centre and a radius, got {len(centers)} centers "
+                f"and {len(radii)} radii"
+            )
+        if len(radii) and radii.min() <= 0.0:
+            raise ValueError(f"radii must be positive, got {radii.min():g} m")
+        object.__setattr__(self, "centers", frozen(centers))
+        object.__setattr__(self, "radii", frozen(radii))
+
+    @property
+    def dimension(self) -> int:
+        """D of the space they stand in."""
+        return int(self.centers.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def signed_distance(self, points: GenericArray) -> GenericArray:
+        """Distance of points (*batch, D) to each disc: (*batch, n) [m], negative inside.
+
+        Complex points are differentiated by complex step: no conjugate is taken.
+        """
+        offset = points[..., None, :] - self.centers
+        distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
+        return distance
+
+    def are_free(self, points: Array) -> NDArray[np.bool_]:
+        """Whether no point of each set (*batch, k, D) is inside a disc: (*batch,)."""
+        flat = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))
+        return _are_free(flat, self.centers, self.radii).reshape(points.shape[:-2])
+
+    def gradient(self, points: Array) -> Array:
+        """Unit vectors away from the centres: (*batch, n, D); zero at a centre."""
+        offset = points[..., None, :] - self.centers
+        distance = np.sqrt(np.sum(offset * offset, axis=-1, keepdims=True))
+        unit: Array = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0.0)
+        return unit
+
+    def near(self, point: ArrayLike, reach: float) -> Discs:
+        """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
+        return self.only(self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach)
+
+    def only(self, keep: NDArray[np.bool_]) -> Discs:
+        """Those that a mask (n,) keeps."""
+        return Discs(self.centers[keep], self.radii[keep])
+
+    def grown(self, by: Array) -> Discs:
+        """Each with its radius longer by a distance (n,) [m], 0 or more."""
+        return Discs(self.centers, self.radii + by)
+
+    def clearance(self, control: ArrayLike) -> Array:
+        """Certified least signed distance along whole segments: (*batch,) [m]."""
+        return certified.clearance(control, self.centers, self.radii)
+
+    def closest(self, control: ArrayLike) -> tuple[Array, Array]:
+        """Certified clearance from each disc and its parameter: 2 x (*batch, n)."""
+        return certified.closest(control, self.centers, self.radii)

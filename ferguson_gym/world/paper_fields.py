@@ -1,0 +1,130 @@
+"""The paper's four fields, reconstructed, and what the paper printed of its flights.
+
+The paper names its fields rng(1) to rng(4) and gives no coordinates. These are rebuilt from
+one stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign`
+draws them, scaled to [5, 95], then 50 radii between 3 and 7 m. That they are the paper's is
+likely, not proved: rng(4) has the barrier of touching discs near (50, 40) that the paper
+describes, single-start is stuck on rng(4) as it was there, and no other order of
+the calls that was tried allows the paper's four path lengths.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+
+FIELDS = (1, 2, 3, 4)
+
+
+def latin_hypercube(stream: np.random.RandomState, points: int) -> Array:
+    """A design (points, 2) in the unit square, as MATLAB's `lhsdesign(points, 2)` draws it.
+
+    Its defaults: smoothing on, criterion maximin, 5 designs of which the one with the
+    largest least distance between points is kept (the first wins a tie).
+    """
+    # MATLAB fills a matrix column by column; a design takes one for its ranks, one for jitter
+    return _maximin(stream.random_sample((5, 2, 2, points)))
+
+
+@compiled
+def _maximin(draws: Array) -> Array:
+    designs, _, columns, points = draws.shape
+    best, design = np.empty((points, columns)), np.empty((points, columns))
+    spread = -1.0
+    for k in range(designs):
+        for c in range(columns):
+            for i in range(points):
+                rank = 1
+                for j in range(points):
+                    if draws[k, 0, c, j] < draws[k, 0, c, i]:
+                        rank += 1
+                design[i, c] = (rank - draws[k, 1, c, i]) / points
+        least = np.inf
+        for i in range(points):
+            for j in range(i):
+                square = 0.0
+                for c in range(columns):
+                    square += (design[i, c] - design[j, c]) ** 2
+                least = min(least, square)
+        if least > spread:
+            best, design, spread = design, best, least
+    return best
+
+
+def draw_discs(
+    stream: np.random.RandomState,
+    designs: tuple[int, ...] = (25, 25),
+    smallest: float = 3.0,
+    largest: float = 7.0,
+) -> Discs:
+    """Discs by the paper's recipe: Latin hypercubes on [5, 95]^2, uniform radii [m].
+
+    Args:
+        stream: randomness.
+        designs: points of each hypercube.
+        smallest: least radius [m].
+        largest: greatest radius [m].
+
+    Reference:
+        The paper, section II.
+    """
+    centers = np.vstack([np.empty((0, 2)), *(latin_hypercube(stream, n) for n in designs)])
+    radii = smallest + (largest - smallest) * stream.random_sample(len(centers))
+    return Discs(90.0 * centers + 5.0, radii)
+
+
+def paper_field(number: int) -> Field:
+    """The field rng(number) of the paper, reconstructed; `number` from 1 to 4.
+
+    Raises:
+        ValueError: the paper has no such field.
+    """
+    if number not in FIELDS:
+        raise ValueError(f"the paper has fields 1 to 4, not {number}")
+    return Field(name=f"paper:{number}", obstacles=draw_discs(np.random.RandomState(number)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TableRow:
+    """A row of the paper's Table I; None where the planner found no path."""
+
+    evaluations: int | None
+    """Function evaluations, as fmincon reported them."""
+    segments: int | None
+    length: float | None
+    """Path length [m], by chords."""
+
+
+TABLE_I: dict[tuple[str, str], TableRow] = {
+    ("single-start", "paper:2"): TableRow(evaluations=None, segments=None, length=None),
+    ("single-start", "paper:4"): TableRow(evaluations=None, segments=None, length=None),
+    ("multi-start", "paper:1"): TableRow(evaluations=10205, segments=11, length=157.7259),
+    ("multi-start", "paper:2"): TableRow(evaluations=11275, segments=11, length=153.6096),
+    ("multi-start", "paper:3"): TableRow(evaluations=11256, segments=11, length=150.8103),
+    ("multi-start", "paper:4"): TableRow(evaluations=6849, segments=11, length=145.0263),
+}
+"""The paper's Table I by planner and field."""
+
+
+def is_from_paper(field: Field) -> bool:
+    """Whether a field is the paper's of its name: a file may bear the name and hold another."""
+    family, _, number = field.name.partition(":")
+    known = family == "paper" and number in map(str, FIELDS)
+    if not known or not isinstance(field.obstacles, Discs):
+        return False
+    own = paper_field(int(number))
+    assert isinstance(own.obstacles, Discs)
+    pairs = (
+        (field.obstacles.centers, own.obstacles.centers),
+        (field.obstacles.radii, own.obstacles.radii),
+        (field.start, own.start),
+        (field.goal, own.goal),
+        (field.bounds, own.bounds),
+    )
+    return all(np.array_equal(given, paper) for given, paper in pairs)

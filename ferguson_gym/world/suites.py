@@ -1,0 +1,159 @@
+"""Suites of random fields: pure functions of (suite, split, seed) whose fields never change.
+
+A new recipe is a new suite. NumPy's RandomState is used because its stream is frozen; it is
+keyed by suite, split and seed, so splits never share a stream.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array, shortened
+from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.world.field import GOAL, START, Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
+
+SPLITS = ("train", "validation", "test")
+"""Tune on train, choose on validation, open test once."""
+LAST_SEED = 2**63 - 1
+
+
+class Recipe(Protocol):
+    """Draws the discs of a field from a stream of random numbers."""
+
+    def __call__(self, stream: np.random.RandomState) -> Discs:
+        """Discs of one field."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scattered:
+    """The paper's recipe, Latin hypercubes of discs, with numbers of its own.
+
+    Raises:
+        ValueError: radii that are not 0 < smallest <= largest <= 7 m
+            (a larger disc could cover start or goal).
+    """
+
+    designs: tuple[int, ...]
+    """Points of each Latin hypercube."""
+    smallest: float
+    """Least radius [m]."""
+    largest: float
+    """Greatest radius [m]."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.smallest <= self.largest <= 7.0:
+            raise ValueError(
+                "need 0 < smallest <= largest <= 7 m for radii (larger discs could cover start "
+                f"or goal), got {self.smallest} and {self.largest}"
+            )
+
+    def __call__(self, stream: np.random.RandomState) -> Discs:
+        """Discs of one field."""
+        return draw_discs(stream, self.designs, self.smallest, self.largest)
+
+
+def traps(stream: np.random.RandomState) -> Discs:
+    """Five pockets, arcs of overlapping discs that open towards the start, and 12 discs.
+
+    A pocket is an arc of 200 to 260 degrees with a radius of 9 to 13 m; its mouth turns up
+    to 40 degrees from the start's side. Discs within 6 m of start or goal are left out.
+    """
+    centers: list[Array] = []
+    radii: list[float] = []
+    for middle in 60.0 * latin_hypercube(stream, 5) + 20.0:
+        radius, thickness, span, turn = stream.random_sample(4)
+        radius, thickness = 9.0 + 4.0 * radius, 2.0 + thickness
+        half_span = np.radians(100.0 + 30.0 * span)
+        away = np.pi / 4 + np.radians(80.0 * turn - 40.0)
+        number = int(np.ceil(2 * half_span * radius / (1.5 * thickness))) + 1
+        for angle in np.linspace(away - half_span, away + half_span, number):
+            center = middle + radius * np.array([np.cos(angle), np.sin(angle)])
+            centers.append(center.round(9))  # sine and cosine differ between C libraries
+            radii.append(thickness)
+    single = draw_discs(stream, (6, 6), largest=5.0)
+    every = Discs(np.vstack([*centers, single.centers]), np.concatenate([radii, single.radii]))
+    # inside [5, 95] no ring of discs can close around start or goal
+    inside = ((every.centers >= 5.0) & (every.centers <= 95.0)).all(axis=1)
+    room = every.signed_distance(np.array([START, GOAL])).min(axis=0) >= 6.0
+    return Discs(every.centers[inside & room], every.radii[inside & room])
+
+
+SUITES: dict[str, Recipe] = {
+    "standard": Scattered((25, 25), 3.0, 7.0),
+    "sparse": Scattered((10, 10), 3.0, 7.0),
+    "dense": Scattered((35, 35), 3.0, 7.0),
+    "forest": Scattered((60, 60, 60), 0.5, 1.5),
+    "traps": traps,
+}
+"""Recipes by name."""
+
+_KEYS = {name: 1 + index for index, name in enumerate(SUITES)}
+
+
+def suite_field(suite: str, split: str, seed: int) -> Field:
+    """The field `SUITE/SPLIT:SEED`.
+
+    Raises:
+        ValueError: an unknown suite or split, or a seed outside 0..2**63 - 1.
+    """
+    discs = suite_discs(suite, split, seed)
+    return Field(name=f"{suite}/{split}:{seed}", obstacles=discs)
+
+
+def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None) -> Discs:
+    """The discs of a suite's field, or those that another recipe draws from its stream.
+
+    Raises:
+        ValueError: as `suite_field`.
+    """
+    check_suite(suite, split)
+    if not 0 <= seed <= LAST_SEED:
+        raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
+    key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
+    return (recipe or SUITES[suite])(np.random.RandomState(key))
+
+
+def check_suite(suite: str, split: str) -> None:
+    """Refuse unknown names.
+
+    Raises:
+        ValueError: an unknown suite or split.
+    """
+    if suite not in SUITES:
+        near = meant(str(suite), SUITES)
+        raise ValueError(f"unknown suite {shortened(suite)}{near}; suites are {', '.join(SUITES)}")
+    if split not in SPLITS:
+        near = meant(str(split), SPLITS)
+        raise ValueError(f"unknown split {shortened(split)}{near}; splits are {', '.join(SPLITS)}")
+
+
+def altered(
+    suite: str, obstacles: int | None = None, radii: tuple[float, float] | None = None
+) -> Scattered:
+    """A suite's recipe with another number of obstacles or other radii (least, greatest) [m].
+
+    Raises:
+        ValueError: a suite that is not scattered discs, or numbers that make no recipe.
+
+    Example:
+        >>> altered("standard", obstacles=11).designs
+        (5, 6)
+    """
+    recipe = SUITES[suite]
+    if not isinstance(recipe, Scattered):
+        raise ValueError(f"the obstacles of suite {shortened(suite)} are fixed: they form pockets")
+    if obstacles is not None:
+        if obstacles < 0:
+            raise ValueError(f"a field has 0 obstacles or more, got {obstacles}")
+        number = len(recipe.designs)
+        sizes = ((obstacles + k) // number for k in range(number))
+        recipe = replace(recipe, designs=tuple(size for size in sizes if size))
+    if radii is not None:
+        smallest, largest = radii
+        recipe = replace(recipe, smallest=float(smallest), largest=float(largest))
+    return recipe
