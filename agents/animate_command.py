@@ -11,7 +11,7 @@ from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.transition import depart
-from planners.catalog import PLANNERS
+from planners.registry import PLANNERS
 
 HELP = "show a flight as it is decided, a GIF"
 DESCRIPTION = """\

@@ -24,7 +24,7 @@ from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.simulation.observations import KINDS
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.transition import depart
-from planners.catalog import PLANNERS, make
+from planners.registry import PLANNERS, make
 
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000
@@ -249,7 +249,7 @@ def _prepare_solvers(options: argparse.Namespace) -> Job:
     import importlib.util
 
     from agents import solver_bench
-    from planners.catalog import multi_start
+    from planners.registry import multi_start
 
     check_directory(options.out)
     if options.ipopt_every and importlib.util.find_spec("casadi") is None:

@@ -11,7 +11,7 @@ import shtab
 
 from agents import shelf
 from ferguson_gym.world.suites import SPLITS, SUITES
-from planners.catalog import PLANNERS
+from planners.registry import PLANNERS
 
 Words = Mapping[str, Any] | str
 """What completes an argument, by shell; those that are not named here complete nothing."""

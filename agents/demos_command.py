@@ -12,7 +12,7 @@ from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.simulation.observations import KINDS
-from planners.catalog import OPTIONS, PLANNERS
+from planners.registry import OPTIONS, PLANNERS
 
 NO_DEMONSTRATIONS = 1
 HELP = "record an expert's flights"

@@ -25,7 +25,7 @@ from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.world import field_names
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.transition import depart
-from planners.catalog import PLANNERS
+from planners.registry import PLANNERS
 
 MOST = 10_000_000
 """Flights of one evaluation."""

@@ -12,7 +12,7 @@ from agents.jobs import Job
 from agents.terminal import Terminal
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.transition import depart
-from planners.catalog import OPTIONS, PLANNERS, named
+from planners.registry import OPTIONS, PLANNERS, named
 
 NO_PATH = 1
 HELP = "plan one field"

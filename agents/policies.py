@@ -8,8 +8,8 @@ from agents.policy_interface import Policy
 from agents.proposals import Proposals
 from agents.shield import Shield
 from ferguson_gym.runtime.suggestions import meant
-from planners.catalog import PLANNERS, make, starting_from
 from planners.interface import Planner
+from planners.registry import PLANNERS, make, starting_from
 
 
 def is_planner(name: str) -> bool:

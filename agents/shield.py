@@ -36,8 +36,8 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action, encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
-from planners.guided import Guided
 from planners.interface import Decision, Replanner, State, WindowReport
+from planners.receding_horizon.guided import Guided
 from planners.rollout import successor
 
 PATIENCE = 3

@@ -24,14 +24,14 @@ from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import written_whole
 from ferguson_gym.world.field import Field
-from planners.certification import Certified, WindowSolver
-from planners.exchange import ByExchange
 from planners.interface import depart
-from planners.ipopt import Ipopt
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.window import Window
+from planners.optimization.certification import Certified, WindowSolver
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.reference.ipopt import Ipopt
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.window import Window
+from planners.receding_horizon.paper import RecedingHorizon
 
 NO_WORSE = 1e-3
 """An objective this part above another, or above the gate if that is more, is no worse."""

@@ -44,8 +44,8 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import written_whole
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world.field_names import select
-from planners.catalog import make
 from planners.interface import Replanner
+from planners.registry import make
 
 SETTINGS: dict[str, Any] = {
     "expert": "pursuit",

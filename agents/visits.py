@@ -34,8 +34,8 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action, encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
-from planners.catalog import make
 from planners.interface import Replanner, State
+from planners.registry import make
 
 _ASTRAY = 0.7
 """Standard deviation of a scattered flight's heading from the shortest way [rad]."""

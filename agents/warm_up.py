@@ -6,9 +6,9 @@ from functools import cache
 
 from agents.kernels import small_field
 from agents.policies import SHIELDED, make_planner
-from planners.catalog import PLANNERS
 from planners.interface import Planner, depart
-from planners.whole_path import with_seconds
+from planners.registry import PLANNERS
+from planners.whole_path.planner import with_seconds
 
 _SECONDS = 0.2
 """That a planner with a budget searches before its clock counts."""

@@ -32,9 +32,9 @@ from agents.terminal import Terminal
 from agents.warm_up import warm_policy
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
-from planners.exchange import ByExchange
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.reference.slsqp import Slsqp
+from planners.receding_horizon.paper import RecedingHorizon
 
 SLOW = "multi-start by SLSQP"
 

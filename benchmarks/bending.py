@@ -15,8 +15,8 @@ from rich.table import Table
 
 from ferguson_gym.world.field_names import select
 from planners.interface import Plan, depart
-from planners.receding_horizon import RecedingHorizon
-from planners.window import WindowSettings
+from planners.optimization.window import WindowSettings
+from planners.receding_horizon.paper import RecedingHorizon
 
 WEIGHTS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 

@@ -24,11 +24,11 @@ from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.paper_fields import TABLE_I
 from ferguson_gym.world.transition import State
 from planners.interface import Plan, depart
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
-from planners.sqp import ElasticSqp
-from planners.starts import random_chains
-from planners.window import WindowSettings
+from planners.optimization.initial_guesses import random_chains
+from planners.optimization.sqp.elastic_sqp import ElasticSqp
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.window import WindowSettings
+from planners.receding_horizon.paper import RecedingHorizon
 
 
 def along_the_next_step(

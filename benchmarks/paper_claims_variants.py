@@ -11,15 +11,15 @@ from dataclasses import dataclass, replace
 
 from ferguson_gym.world import transition
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from planners.certification import WindowSolver
-from planners.exchange import ByExchange
 from planners.interface import Planner
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.starts import nothing
-from planners.two_steps import TwoSteps
-from planners.window import WindowSettings
+from planners.optimization.certification import WindowSolver
+from planners.optimization.initial_guesses import nothing
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.reference.two_stage import TwoSteps
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.window import WindowSettings
+from planners.receding_horizon.paper import RecedingHorizon
 
 SEARCH = MultiStart(sidesteps=())
 SLSQP = ByExchange(Slsqp())

@@ -23,8 +23,8 @@ from rich.table import Table
 from agents.solver_bench import take_windows
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field_names import select
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.receding_horizon.paper import RecedingHorizon
 
 Programme = tuple[Array, Array, Array, Array, Array]
 """Hessian (m, m), gradient (m,), slopes (rows, m), upper and lower (m + rows,)."""
@@ -88,7 +88,7 @@ def take_programmes(windows: int) -> list[Programme]:
         return daqp.solve(*programme, **options)
 
     tasks = take_windows(RecedingHorizon(), select("standard/train:100-199"), windows)
-    with patch("planners.quadratic.daqp") as listener:
+    with patch("planners.optimization.sqp.elastic_qp.daqp") as listener:
         listener.solve.side_effect = listen
         for task in tasks:
             MultiStart().solve(task.window, task.guesses)

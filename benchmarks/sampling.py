@@ -16,10 +16,10 @@ from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import depart
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.starts import shifted
-from planners.window import WindowSettings, horizon_window
+from planners.optimization.initial_guesses import shifted
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.window import WindowSettings, horizon_window
+from planners.receding_horizon.paper import RecedingHorizon
 
 
 def main(seeds: int) -> None:

@@ -23,11 +23,11 @@ from rich.table import Table
 from agents.solver_bench import Task, take_windows
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field_names import select
-from planners import sqp
-from planners.certification import Certified
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
-from planners.sqp import ElasticSqp
+from planners.optimization.certification import Certified
+from planners.optimization.sqp import elastic_sqp
+from planners.optimization.sqp.elastic_sqp import ElasticSqp
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.receding_horizon.paper import RecedingHorizon
 
 
 def raise_eigenvalues(matrix: Array, floor: float, out: Array) -> None:
@@ -37,14 +37,16 @@ def raise_eigenvalues(matrix: Array, floor: float, out: Array) -> None:
     out[:] = (vectors * values) @ vectors.T
 
 
-def _lagrangian_gradient(point: sqp._Point, tension: Array, pulls: Array) -> Array:
+def _lagrangian_gradient(point: elastic_sqp._Point, tension: Array, pulls: Array) -> Array:
     return point.gradient - tension @ point.expansion.length_slope - pulls
 
 
-class _Bfgs(sqp.Search):
+class _Bfgs(elastic_sqp.Search):
     """Damped BFGS (Powell 1978) in the place of the exact Hessian."""
 
-    def _differentiate(self, point: sqp._Point, before: sqp._Point, multipliers: Array) -> None:
+    def _differentiate(
+        self, point: elastic_sqp._Point, before: elastic_sqp._Point, multipliers: Array
+    ) -> None:
         old = before.hessian.copy()
         super()._differentiate(point, before, multipliers)
         if point is before:
@@ -99,10 +101,16 @@ class Variant:
 VARIANTS = {
     "as shipped": Variant(),
     "eigenvalue decomposition": Variant(
-        patched=lambda: patch("planners.sqp.make_definite", raise_eigenvalues)
+        patched=lambda: patch(
+            "planners.optimization.sqp.elastic_sqp.make_definite", raise_eigenvalues
+        )
     ),
-    "damped BFGS": Variant(patched=lambda: patch("planners.multi_start.Search", _Bfgs)),
-    "l1 merit instead of filter": Variant(patched=lambda: patch("planners.sqp.Filter", _L1Merit)),
+    "damped BFGS": Variant(
+        patched=lambda: patch("planners.optimization.sqp.multi_start.Search", _Bfgs)
+    ),
+    "l1 merit instead of filter": Variant(
+        patched=lambda: patch("planners.optimization.sqp.elastic_sqp.Filter", _L1Merit)
+    ),
     "no start given up": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
     "no sidesteps": Variant(MultiStart(sidesteps=())),
     "precision 1e-3": Variant(MultiStart(search=ElasticSqp(precision=1e-3))),

@@ -20,8 +20,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius
-from planners.guided import Guided
 from planners.interface import Plan, depart
+from planners.receding_horizon.guided import Guided
 
 RADII = (None, 2.5, 3.0, 5.0)
 """Least turn radii [m]; None turns at will."""

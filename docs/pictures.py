@@ -33,8 +33,8 @@ from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.suites import SUITES
 from ferguson_gym.world.transition import State
-from planners.catalog import make
 from planners.interface import depart
+from planners.registry import make
 
 _FLOWN = 5
 """Segments flown before the vehicle is looked at."""

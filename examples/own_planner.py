@@ -28,8 +28,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Decision, Plan, State, WindowReport
+from planners.optimization.initial_guesses import through
 from planners.rollout import arriving, rest, roll_out
-from planners.starts import through
 
 
 @dataclass(frozen=True)

@@ -34,9 +34,9 @@ from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.paper_fields import TABLE_I
-from planners.catalog import multi_start
 from planners.interface import depart
-from planners.multi_start import MultiStart
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.registry import multi_start
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--seeds", type=int, default=5, help="flights through each field")

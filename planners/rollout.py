@@ -12,7 +12,7 @@ from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import Follow, follow
 from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import Plan, Replanner, State, Status
-from planners.starts import shifted
+from planners.optimization.initial_guesses import shifted
 
 
 def successor(state: State, chain: Array, vehicle: Vehicle) -> State:

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from planners.catalog import make
 from planners.interface import Evaluations, Iterations, Planner
+from planners.registry import make
 
 BUDGETS = {
     "rrt-star": Iterations(1500),

@@ -8,8 +8,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
-from planners.starts import random_chains
-from planners.window import Window, WindowSettings, final_window, horizon_window
+from planners.optimization.initial_guesses import random_chains
+from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
 
 NUMBERS = (0, 1, 5, 50, 300)
 PLACES = (

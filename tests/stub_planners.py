@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.transition import State as Vehicle
-from planners.exact import Exact
 from planners.interface import CrashedError, Iterations, Plan, Route, Seconds, State
-from planners.whole_path import WholePath
+from planners.whole_path.exact import Exact
+from planners.whole_path.planner import WholePath
 
 
 @dataclass(frozen=True, slots=True)

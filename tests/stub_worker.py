@@ -4,7 +4,7 @@ import os
 import signal
 import time
 
-from planners.worker import serve
+from planners.whole_path.subprocess_worker import serve
 
 
 def answer(request: str) -> object:

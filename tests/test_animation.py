@@ -23,8 +23,8 @@ from ferguson_gym.world.field import Field, to_json
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
-from planners.catalog import make
 from planners.interface import Replanner, depart
+from planners.registry import make
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
 """No flight leaves it: the start touches a disc and faces its centre."""

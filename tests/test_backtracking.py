@@ -11,11 +11,11 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
-from planners.backtracking import Backtracking, idle
-from planners.catalog import make, named
-from planners.guided import Guided
 from planners.interface import Decision, Plan, State, Status, WindowReport, depart
+from planners.receding_horizon.guided import Guided
+from planners.registry import make, named
 from planners.rollout import roll_out
+from planners.wrappers.backtracking import Backtracking, idle
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 

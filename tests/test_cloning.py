@@ -19,7 +19,7 @@ from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field_names import one, select
 from planners.interface import depart
-from planners.pursuit import Pursuit
+from planners.receding_horizon.pursuit import Pursuit
 
 CARD = Card(
     algorithm="dagger",

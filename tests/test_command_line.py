@@ -15,8 +15,8 @@ from agents.command_line import main
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import to_json
 from ferguson_gym.world.field_names import one
-from planners.catalog import make
 from planners.interface import Route
+from planners.registry import make
 
 PROGRAM = Path(sys.executable).with_name("ferguson")
 

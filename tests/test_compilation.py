@@ -135,7 +135,7 @@ from agents.flights import fly
 from agents.policies import expert
 from agents.warm_up import compile_kernels, warm
 from ferguson_gym.world.field_names import one
-from planners.catalog import PLANNERS
+from planners.registry import PLANNERS
 from tests.quick_planners import quick
 
 def kernels():

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planners.definite import make_definite
+from planners.optimization.sqp.modified_ldl import make_definite
 
 FLOOR = 3e-2
 SIZES = range(1, 15)

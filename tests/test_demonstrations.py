@@ -16,8 +16,8 @@ from agents.demonstrations_episodes import Episode, make_environment, pack, repl
 from agents.demonstrations_work import Request
 from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.world.outcome import Outcome
-from planners.catalog import make
 from planners.interface import depart
+from planners.registry import make
 from tests.waiting import until
 
 SOFTWARE = {"versions": {}, "commit": None}

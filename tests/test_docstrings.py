@@ -27,5 +27,5 @@ def test_main_functions_have_examples() -> None:
     assert {
         "ferguson_gym.curves.splines",
         "ferguson_gym.world.field_names",
-        "planners.catalog",
+        "planners.registry",
     } <= set(MODULES)

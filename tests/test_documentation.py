@@ -13,7 +13,7 @@ from unittest.mock import patch
 import pytest
 
 from agents.command_line import _parser, main
-from planners.catalog import PLANNERS
+from planners.registry import PLANNERS
 from tests.documents import PAGES, README, ROOT, Block, blocks, commands_of, reduced
 
 LANGUAGES = {"python", "sh", "json", "{toctree}"}

@@ -17,7 +17,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import PLANNERS, single_start
+from planners.registry import PLANNERS, single_start
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
 """No flight leaves it: the start touches a disc and faces its centre."""

@@ -15,12 +15,12 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
-from planners.contacts import HIGH, LOW, NEAR, SPEED
-from planners.expansion import Expansion, Layout, empty_expansion, expand
-from planners.lagrangian import lagrangian
-from planners.quadrature import BENDING, bending, lengths
-from planners.sqp import _layout
-from planners.window import Window, WindowSettings, horizon_window
+from planners.optimization.quadrature import BENDING, bending, lengths
+from planners.optimization.sqp.contacts import HIGH, LOW, NEAR, SPEED
+from planners.optimization.sqp.elastic_sqp import _layout
+from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion, expand
+from planners.optimization.sqp.lagrangian import lagrangian
+from planners.optimization.window import Window, WindowSettings, horizon_window
 
 REACH = 5.0
 NUMBERS = ("clearance", "t", "weight", "normal", "inverse", "drift")

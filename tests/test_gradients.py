@@ -9,12 +9,12 @@ from ferguson_gym.curves.splines import basis
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.transition import depart
-from planners.complex_step import ByComplexStep, ComplexStep, complex_step
-from planners.constraints import ClearanceAt, InsideAt, SpeedAt
-from planners.problem import Problem
-from planners.solvers import Slsqp
-from planners.starts import random_chains, straight
-from planners.window import WindowSettings, final_window, horizon_window
+from planners.optimization.constraints import ClearanceAt, InsideAt, SpeedAt
+from planners.optimization.initial_guesses import random_chains, straight
+from planners.optimization.nonlinear_program import Problem
+from planners.optimization.reference.complex_step import ByComplexStep, ComplexStep, complex_step
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.window import WindowSettings, final_window, horizon_window
 
 FIELD = one("paper:1")
 SETTINGS = WindowSettings()

@@ -12,10 +12,10 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.astar import AStar
-from planners.catalog import make
 from planners.interface import Route, Router, Status, depart
-from planners.voronoi import VoronoiEdges
+from planners.registry import make
+from planners.whole_path.astar import AStar
+from planners.whole_path.voronoi import VoronoiEdges
 from tests.taut_paths import fields, line_depth
 
 MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper

@@ -11,10 +11,10 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import make
-from planners.guided import Guided
 from planners.interface import State, Status, depart
-from planners.togo_objective import ToGoObjective
+from planners.receding_horizon.distance_objective import ToGoObjective
+from planners.receding_horizon.guided import Guided
+from planners.registry import make
 
 
 def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:

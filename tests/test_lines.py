@@ -8,8 +8,8 @@ import pytest
 from ferguson_gym.shortest_paths.tangents import Scene
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
-from planners.lines import lines_clear, scene_from
-from planners.shortcut import shortcut
+from planners.whole_path.line_of_sight import lines_clear, scene_from
+from planners.whole_path.shortcut import shortcut
 from tests.taut_paths import line_depth, random_field
 
 MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper

@@ -13,10 +13,10 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius
-from planners.catalog import make
-from planners.guided import Guided
 from planners.interface import Decision, State, depart
-from planners.margin import Margin, grown
+from planners.receding_horizon.guided import Guided
+from planners.registry import make
+from planners.wrappers.safety_margin import Margin, grown
 
 MARGIN = 0.5
 

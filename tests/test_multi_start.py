@@ -21,15 +21,22 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State, depart
 from planners import interface
-from planners.catalog import make
-from planners.certification import AIM, Certified, WindowSolver
-from planners.exchange import ByExchange
-from planners.multi_start import MultiStart, beside
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.sqp import CONVERGED, DEADLINE, OUTDONE, ElasticSqp, Search, Trail
-from planners.starts import straight
-from planners.window import Window, WindowSettings, final_window, horizon_window
+from planners.optimization.certification import AIM, Certified, WindowSolver
+from planners.optimization.initial_guesses import straight
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.sqp.elastic_sqp import (
+    CONVERGED,
+    DEADLINE,
+    OUTDONE,
+    ElasticSqp,
+    Search,
+    Trail,
+)
+from planners.optimization.sqp.multi_start import MultiStart, beside
+from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
+from planners.receding_horizon.paper import RecedingHorizon
+from planners.registry import make
 
 SOLVERS: dict[str, WindowSolver] = {"ours": MultiStart(), "slsqp": ByExchange(Slsqp())}
 OPEN = Field(name="open", obstacles=Discs([], []))

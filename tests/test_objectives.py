@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from planners.complex_step import complex_step
-from planners.objectives import HorizonObjective, LengthObjective, Objective
+from planners.optimization.objectives import HorizonObjective, LengthObjective, Objective
+from planners.optimization.reference.complex_step import complex_step
 
 START, GOAL = np.array([3.0, -2.0]), np.array([100.0, 90.0])
 HORIZON = HorizonObjective(START, GOAL, 0.2)

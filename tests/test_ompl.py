@@ -18,10 +18,10 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import make
 from planners.interface import CrashedError, Iterations, Route, Seconds
-from planners.ompl_router import WORKER, Ompl, shared_worker
-from planners.worker import ROOT, Worker
+from planners.registry import make
+from planners.whole_path.ompl import WORKER, Ompl, shared_worker
+from planners.whole_path.subprocess_worker import ROOT, Worker
 
 pytest.importorskip("ompl")
 
@@ -241,7 +241,7 @@ def test_without_ompl_its_planners_say_what_to_install(monkeypatch: pytest.Monke
 
 
 def test_planners_are_imported_without_ompl() -> None:
-    program = "import sys, planners.catalog; sys.exit('ompl' in sys.modules)"
+    program = "import sys, planners.registry; sys.exit('ompl' in sys.modules)"
     subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True)
 
 

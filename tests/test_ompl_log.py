@@ -11,8 +11,8 @@ import pytest
 from agents.ompl_log import STATUSES, write
 from agents.planner_runs import Run, measure, run
 from ferguson_gym.world.field_names import one
-from planners.catalog import PLANNERS
 from planners.interface import Route, depart
+from planners.registry import PLANNERS
 from tests.stub_planners import STUBS
 
 TYPES = {"BOOLEAN": int, "INTEGER": int, "REAL": float}

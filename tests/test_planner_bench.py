@@ -20,9 +20,9 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import PLANNERS, make
 from planners.interface import Plan, Route, Seconds, State, depart
-from planners.whole_path import with_seconds
+from planners.registry import PLANNERS, make
+from planners.whole_path.planner import with_seconds
 from tests.stub_planners import STUBS, Faulty
 
 BENCH = ["bench", "planners", "--fields", "sparse/train:0-1"]

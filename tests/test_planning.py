@@ -13,14 +13,14 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import PLANNERS, make
-from planners.certification import AIM
-from planners.exchange import ByExchange, broken_rows
 from planners.interface import Plan, State, Status, depart
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.starts import nothing, random_chains, shifted, straight
-from planners.window import WindowSettings, final_window, horizon_window
+from planners.optimization.certification import AIM
+from planners.optimization.initial_guesses import nothing, random_chains, shifted, straight
+from planners.optimization.reference.exchange import ByExchange, broken_rows
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.window import WindowSettings, final_window, horizon_window
+from planners.receding_horizon.paper import RecedingHorizon
+from planners.registry import PLANNERS, make
 from tests.quick_planners import quick
 
 OPEN = Field(name="open", obstacles=Discs([], []))

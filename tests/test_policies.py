@@ -9,9 +9,9 @@ from agents.policies import make_policy
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import PLANNERS, make
 from planners.interface import Plan, Status, depart
-from planners.receding_horizon import RecedingHorizon
+from planners.receding_horizon.paper import RecedingHorizon
+from planners.registry import PLANNERS, make
 from tests.quick_planners import quick
 
 

@@ -7,10 +7,10 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import one
-from planners.catalog import make
-from planners.certification import AIM
 from planners.interface import depart
-from planners.polish import polish
+from planners.optimization.certification import AIM
+from planners.registry import make
+from planners.whole_path.polish import polish
 from tests.quick_planners import quick
 
 

@@ -16,11 +16,11 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.obstacles import Discs
-from planners.backtracking import Backtracking
-from planners.catalog import make, multi_start, single_start
 from planners.interface import State, depart
-from planners.receding_horizon import RecedingHorizon
-from planners.sensing import Sensing
+from planners.receding_horizon.paper import RecedingHorizon
+from planners.registry import make, multi_start, single_start
+from planners.wrappers.backtracking import Backtracking
+from planners.wrappers.limited_sensing import Sensing
 from tests.scripted_policies import Always, Noisy, Straight
 
 FIELD = one("standard/train:0")

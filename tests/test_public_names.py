@@ -58,12 +58,16 @@ def test_every_public_name_is_explained(package: str) -> None:
 
 def test_names_that_are_not_there_are_found_out() -> None:
     for name in (
-        "planners.polish.polish",
+        "planners.whole_path.polish.polish",
         "ferguson_gym.world.field.Field.departure",
         "agents.gif",
     ):
         assert has(name), name
-    for name in ("planners.polish.nope", "ferguson_gym.world.field.Field.nope", "agents.nope.Nope"):
+    for name in (
+        "planners.whole_path.polish.nope",
+        "ferguson_gym.world.field.Field.nope",
+        "agents.nope.Nope",
+    ):
         assert not has(name), name
 
 

@@ -16,9 +16,9 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import follow
-from planners.catalog import make
 from planners.interface import Plan, Replanner, State, Status, depart
-from planners.pursuit import Pursuit, surroundings
+from planners.receding_horizon.pursuit import Pursuit, surroundings
+from planners.registry import make
 
 NAMES = [
     field.name

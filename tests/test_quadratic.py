@@ -11,14 +11,14 @@ from ferguson_gym.world.field_names import one
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State, depart
-from planners import quadratic
-from planners.definite import make_definite
-from planners.expansion import empty_expansion, expand
-from planners.lagrangian import lagrangian
-from planners.quadrature import BENDING
-from planners.sqp import _layout
-from planners.starts import straight
-from planners.window import Window, WindowSettings, final_window, horizon_window
+from planners.optimization.initial_guesses import straight
+from planners.optimization.quadrature import BENDING
+from planners.optimization.sqp import elastic_qp
+from planners.optimization.sqp.elastic_sqp import _layout
+from planners.optimization.sqp.expansion import empty_expansion, expand
+from planners.optimization.sqp.lagrangian import lagrangian
+from planners.optimization.sqp.modified_ldl import make_definite
+from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
 
 ROOM = 512
 LIMITS = np.array([PAPER_LIMITS.shortest, PAPER_LIMITS.longest])
@@ -55,8 +55,8 @@ class Step:
 
 def step(window: Window, x: np.ndarray, radius: float) -> Step:
     layout, m, n = _layout(window, window.obstacles), len(x), window.chain.segments
-    here, rows = empty_expansion(n, m, ROOM), quadratic.empty_rows(n, m, ROOM)
-    contacts, _, length, _ = expand(x, layout, quadratic.reach(radius), here)
+    here, rows = empty_expansion(n, m, ROOM), elastic_qp.empty_rows(n, m, ROOM)
+    contacts, _, length, _ = expand(x, layout, elastic_qp.reach(radius), here)
     _, slope, curvature = window.objective.expand(length, here.control[-1, 1])
     gradient, hessian, model = np.empty(m), np.empty((m, m)), np.empty((m, m))
     none = np.zeros(contacts)
@@ -66,7 +66,7 @@ def step(window: Window, x: np.ndarray, radius: float) -> Step:
     make_definite(hessian, 3e-2, model)
     scale = np.where(np.arange(m) % 4 < 2, 1.0, 3.0)
     args = here, contacts, x, window.box, scale, radius, LIMITS, gradient, model, rows
-    p, multipliers = quadratic.solve(*args)
+    p, multipliers = elastic_qp.solve(*args)
     assert p is not None
     taken = rows.taken[: len(multipliers) - n]
     return Step(

@@ -14,10 +14,10 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import make
-from planners.guided import Guided
 from planners.interface import Plan, Replanner, State, depart
-from planners.sensing import Sensing, known
+from planners.receding_horizon.guided import Guided
+from planners.registry import make
+from planners.wrappers.limited_sensing import Sensing, known
 
 REACH = 20.0
 FIELDS = ["standard/train:1", "traps/train:0", "traps/train:9"]

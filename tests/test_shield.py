@@ -19,8 +19,8 @@ from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
-from planners.guided import Guided
 from planners.interface import Decision, Plan, State, WindowReport
+from planners.receding_horizon.guided import Guided
 from planners.rollout import roll_out
 from tests.scripted_policies import CIRCLING, COLLIDING, Always, Noisy, Straight
 

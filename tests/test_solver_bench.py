@@ -13,12 +13,12 @@ from ferguson_gym.world.field_names import select
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import depart
-from planners.exchange import ByExchange
-from planners.ipopt import Ipopt
-from planners.receding_horizon import RecedingHorizon
-from planners.solvers import Slsqp
-from planners.starts import straight
-from planners.window import WindowSettings, final_window
+from planners.optimization.initial_guesses import straight
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.reference.ipopt import Ipopt
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.window import WindowSettings, final_window
+from planners.receding_horizon.paper import RecedingHorizon
 
 BENCH = ["bench", "solvers", "--ipopt-every", "0", "--fields", "sparse/train:0-1"]
 

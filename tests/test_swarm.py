@@ -13,10 +13,10 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.catalog import make
 from planners.interface import Evaluations, Route, Seconds
-from planners.swarm import Swarms, bees, particles
-from planners.swarm_objective import (
+from planners.registry import make
+from planners.whole_path.swarm import Swarms, bees, particles
+from planners.whole_path.swarm_objective import (
     ChainObjective,
     Encoding,
     Penalties,

@@ -32,7 +32,7 @@ from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field_names import select
 from planners.interface import depart
-from planners.pursuit import Pursuit
+from planners.receding_horizon.pursuit import Pursuit
 from tests.small_models import card_of, same, saved, weights_of
 from tests.waiting import until
 

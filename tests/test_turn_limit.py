@@ -17,15 +17,22 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius, too_sharp_at
-from planners.catalog import make
-from planners.contacts import CONTACT, Piece, row_weights
-from planners.exchange import ByExchange
-from planners.guided import Guided
 from planners.interface import Status, depart
-from planners.sqp import ElasticSqp, Search
-from planners.turned import turned
-from planners.turns import LEFT, RIGHT, add_turn, add_turn_hessian, add_turns, too_sharp
-from planners.window import WindowSettings, final_window
+from planners.optimization.reference.exchange import ByExchange
+from planners.optimization.sqp.contacts import CONTACT, Piece, row_weights
+from planners.optimization.sqp.elastic_sqp import ElasticSqp, Search
+from planners.optimization.sqp.turn_contacts import (
+    LEFT,
+    RIGHT,
+    add_turn,
+    add_turn_hessian,
+    add_turns,
+    too_sharp,
+)
+from planners.optimization.window import WindowSettings, final_window
+from planners.receding_horizon.guided import Guided
+from planners.receding_horizon.turn_in import turned
+from planners.registry import make
 
 PLACE = np.arange(8)
 NONE = np.empty((0, 3))

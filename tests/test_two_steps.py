@@ -10,12 +10,12 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import one
 from ferguson_gym.world.limits import PAPER_LIMITS
-from planners.certification import Certified
 from planners.interface import depart
-from planners.multi_start import MultiStart
-from planners.receding_horizon import RecedingHorizon
-from planners.two_steps import TwoSteps
-from planners.window import Window, WindowSettings, final_window
+from planners.optimization.certification import Certified
+from planners.optimization.reference.two_stage import TwoSteps
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.window import Window, WindowSettings, final_window
+from planners.receding_horizon.paper import RecedingHorizon
 
 SEARCH = MultiStart(sidesteps=())
 

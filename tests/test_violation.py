@@ -21,7 +21,7 @@ from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 from planners.interface import depart
-from planners.pursuit import Pursuit
+from planners.receding_horizon.pursuit import Pursuit
 
 AHEAD = State(np.array([0.0, 0.0]), np.array([7.0, 0.0]))
 """At the origin, heading along the first axis: its frame is the world's."""

@@ -25,8 +25,8 @@ from ferguson_gym.world.field_names import one
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 from planners import interface
-from planners.catalog import make
 from planners.interface import Decision, Replanner
+from planners.registry import make
 
 CARD = Card(
     algorithm="dagger",

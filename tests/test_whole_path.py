@@ -16,12 +16,12 @@ from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
-from planners.catalog import make
-from planners.certification import AIM
-from planners.exact import Exact
-from planners.fit import fit
 from planners.interface import CrashedError, Route, State, Status, depart
-from planners.whole_path import WholePath
+from planners.optimization.certification import AIM
+from planners.registry import make
+from planners.whole_path.exact import Exact
+from planners.whole_path.planner import WholePath
+from planners.whole_path.route_fit import fit
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 

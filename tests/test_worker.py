@@ -12,7 +12,7 @@ import time
 import pytest
 
 from planners.interface import CrashedError
-from planners.worker import ROOT, Worker
+from planners.whole_path.subprocess_worker import ROOT, Worker
 
 STUB = "tests.stub_worker"
 
@@ -113,7 +113,7 @@ def test_when_the_program_is_ended_its_worker_ends(end: signal.Signals, during: 
     program = f"""
         import signal
         signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored behind a shell's &
-        from planners.worker import Worker
+        from planners.whole_path.subprocess_worker import Worker
         worker = Worker("{STUB}")
         worker.ask("one", 30.0)
         print("ready", flush=True)

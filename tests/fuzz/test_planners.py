@@ -16,9 +16,9 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State as Vehicle
 from ferguson_gym.world.turn_radius import keeps_turn_radius
-from planners.catalog import OPTIONS, PLANNERS, make
 from planners.interface import Evaluations, Iterations, Plan, Planner, State, Status
-from planners.polish import polish
+from planners.registry import OPTIONS, PLANNERS, make
+from planners.whole_path.polish import polish
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import POINTS, WILD, fields, vehicles
 

@@ -1,0 +1,1 @@
+"""Windows of segments as optimisation problems, their solvers, and certification."""

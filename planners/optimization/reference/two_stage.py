@@ -1,0 +1,66 @@
+"""The paper's other way to straight windows: first the distance, then the length.
+
+The paper weighs directness against the distance left in one objective, and names the alternative:
+minimise the distance to the goal alone, then the length of the chain to the end point found.
+
+Reference:
+    The paper, section III-C2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from ferguson_gym.runtime.arrays import Array
+from planners.optimization.certification import Certified, WindowSolver
+from planners.optimization.objectives import HorizonObjective, LengthObjective
+from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.window import Window
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TwoSteps:
+    """Solves a window for the distance left, and its best end once more for length.
+
+    The window's weight of directness does not matter. Windows that minimise anything else, the
+    length to the goal for example, are solved as they are.
+    """
+
+    search: WindowSolver = field(default_factory=MultiStart)
+    """Solves both problems."""
+
+    def solve(
+        self, window: Window, guesses: Sequence[Array], until: float = math.inf
+    ) -> list[Certified]:
+        """Certified chains from guesses (n, 4, 2); their objective is the distance they leave."""
+        if not isinstance(window.objective, HorizonObjective):
+            return self.search.solve(window, guesses, until)
+        nearest = replace(window, objective=replace(window.objective, alpha=0.0))
+        ends = self.search.solve(nearest, guesses, until)
+        if certified := [end for end in ends if end.feasible]:
+            best = min(certified, key=lambda end: end.solution.objective)
+            place = next(k for k, end in enumerate(ends) if end is best)
+            ends[place] = self._straightened(window, best, until)
+        return ends
+
+    def _straightened(self, window: Window, end: Certified, until: float) -> Certified:
+        """The shortest chain to where one ends, or that one where there is none."""
+        chain = window.chain.ending_at(end.control[-1, 1])
+        shorter = replace(window, chain=chain, objective=LengthObjective())
+        (found,) = self.search.solve(shorter, [end.control], until)
+        kept = found if found.feasible else end
+        evaluations = end.evaluations + found.evaluations
+        solution = replace(
+            kept.solution,
+            x=window.chain.unknowns(kept.control),
+            objective=end.solution.objective,
+            evaluations=evaluations,
+        )
+        return replace(
+            kept,
+            solution=solution,
+            evaluations=evaluations,
+            seconds=end.seconds + found.seconds,
+        )

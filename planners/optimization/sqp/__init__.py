@@ -1,0 +1,1 @@
+"""Our solver of windows: elastic sequential quadratic programming with exact Hessians."""

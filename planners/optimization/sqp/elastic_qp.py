@@ -1,0 +1,130 @@
+"""The elastic quadratic programme of one step, solved by DAQP.
+
+    minimise    g.p + 1/2 p.H p + nu sum s
+    subject to  c + A p >= -s,   s >= 0,   low <= x + p <= high,   |p_i| <= radius scale_i
+
+with the rows c of a chain's lengths and of its contacts within reach of the radius.
+
+Reference:
+    Arnström, Bemporad & Axehill (2022), A dual active-set solver for embedded quadratic
+    programming using recursive LDL' updates, IEEE Transactions on Automatic Control 67(8).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from planners.optimization.sqp.contacts import Integers
+from planners.optimization.sqp.expansion import Expansion
+from planners.optimization.sqp.turn_contacts import LEFT, SWING
+
+_REACH = 2.5
+"""A step of one metre in every point, three in every derivative, moves no point of a curve
+farther [m]."""
+_PRICE = 1e4
+"""nu. DAQP applies it to rows scaled by H, which is no loss: where the rows can be satisfied
+any high price gives the same step."""
+_ITERATIONS = 300
+"""Most iterations of DAQP; it may otherwise cycle."""
+_SOFT = 8
+"""DAQP's mark of a row that may be broken at a price."""
+
+
+class Rows(NamedTuple):
+    """A quadratic programme as DAQP takes it."""
+
+    slopes: Array
+    """(rows, m)."""
+    lower: Array
+    """(m + rows,) of the unknowns, then of the rows."""
+    upper: Array
+    """(m + rows,)."""
+    sense: NDArray[np.int32]
+    """(m + rows,) zero for the unknowns, soft for the rows."""
+    taken: Integers
+    """The contact of each row after those of the lengths."""
+
+
+def empty_rows(segments: int, unknowns: int, contacts: int) -> Rows:
+    """Room for a quadratic programme."""
+    rows = segments + contacts
+    sense = np.full(unknowns + rows, _SOFT, np.int32)
+    sense[:unknowns] = 0
+    return Rows(
+        slopes=np.empty((rows, unknowns)),
+        lower=np.empty(unknowns + rows),
+        upper=np.full(unknowns + rows, 1e30),
+        sense=sense,
+        taken=np.empty(contacts, np.int64),
+    )
+
+
+def reach(radius: float) -> float:
+    """Clearance [m] below which a contact may matter to a step within the radius."""
+    return _REACH * radius
+
+
+@compiled
+def _fill(
+    here: Expansion,
+    contacts: int,
+    x: Array,
+    low: Array,
+    high: Array,
+    scale: Array,
+    radius: float,
+    limits: Array,
+    out: Rows,
+) -> int:
+    """Fill the programme; return the number of its rows."""
+    m, segments = len(x), len(here.length)
+    for i in range(m):
+        out.lower[i] = max(low[i] - x[i], -radius * scale[i])
+        out.upper[i] = min(high[i] - x[i], radius * scale[i])
+    for k in range(segments):
+        out.slopes[k] = here.length_slope[k]
+        out.lower[m + k], out.upper[m + k] = limits[0] - here.length[k], limits[1] - here.length[k]
+    count = segments
+    for row in range(contacts):
+        swing = 1.0 if here.contact[row].what > LEFT else SWING
+        if here.contact[row].clearance < swing * _REACH * radius:
+            out.slopes[count] = here.slope[row]
+            out.lower[m + count] = -here.contact[row].clearance
+            out.taken[count - segments] = row
+            count += 1
+    return count
+
+
+def solve(
+    here: Expansion,
+    contacts: int,
+    x: Array,
+    box: tuple[Array, Array],
+    scale: Array,
+    radius: float,
+    limits: Array,
+    gradient: Array,
+    hessian: Array,
+    rows: Rows,
+) -> tuple[Array | None, Array]:
+    """The step (m,), None if DAQP gave up, and the multipliers (rows,), >= 0 at lower bounds."""
+    end = len(x) + _fill(here, contacts, x, *box, scale, radius, limits, rows)
+    p, _, flag, info = daqp.solve(
+        hessian,
+        gradient,
+        rows.slopes[: end - len(x)],
+        rows.upper[:end],
+        rows.lower[:end],
+        rows.sense[:end],
+        primal_tol=1e-9,
+        iter_limit=_ITERATIONS,
+        rho_soft=1e4,
+        w_soft=_PRICE,
+    )
+    return (p if flag > 0 else None), -info["lam"][len(x) :]

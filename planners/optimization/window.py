@@ -1,0 +1,158 @@
+"""The paper's two optimisation problems: the look-ahead window and the final one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import Limits
+from ferguson_gym.world.obstacles import Obstacles
+from planners.optimization.chain import Chain
+from planners.optimization.constraints import (
+    Constraint,
+    LengthBounds,
+    SampledClearance,
+    sample_weights,
+)
+from planners.optimization.nonlinear_program import Problem
+from planners.optimization.objectives import HorizonObjective, LengthObjective, Objective
+from planners.optimization.quadrature import lengths
+
+DERIVATIVE_BOUND = 1000.0
+"""Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
+STIFFNESS = 1e-5
+"""Weight of the integral of |X''|^2 over t [1/m]. The shortest chains turn on the spot where the
+route leaves the vehicle's heading; for a few hundredths of a per mille of length, this has them
+turn like a flight."""
+ASIDE = 3.0
+"""How far a guess is moved aside where it leads to nothing [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WindowSettings:
+    """The paper's numbers."""
+
+    segments: int = 3
+    """Segments planned together."""
+    alpha: float = 0.2
+    """Weight of directness in the objective; equation (2)."""
+    samples: int = 30
+    """n_s, uniform parameters at which clearance is required, the first of them t = 0."""
+    stiffness: float = 0.0
+    """Weight of the integral of |X''|^2 over t in the objective [1/m]; not in the paper."""
+
+
+SETTINGS = WindowSettings(stiffness=STIFFNESS)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Window:
+    """What is planned together: a chain, what it minimises, what it must keep clear of."""
+
+    chain: Chain
+    objective: Objective
+    field: Field
+    obstacles: Obstacles
+    """Those of the field's that a solver looks at; certification looks at all."""
+    limits: Limits
+    samples: int
+    """The paper's n_s."""
+    stiffness: float
+    """Weight of the bending in the objective [1/m]; the paper has none."""
+    turn_radius: float = 0.0
+    """Least radius of turns [m]; zero allows any."""
+
+    @property
+    def box(self) -> tuple[Array, Array]:
+        """Least and greatest unknowns (m,) each."""
+        low, high = self.field.bounds
+        return self.chain.bounds(low, high, DERIVATIVE_BOUND)
+
+    def admits(self, control: Array) -> NDArray[np.bool_]:
+        """Whether chains (count, n, 4, D) satisfy the paper's sampled constraints: (count,)."""
+        low, high = self.field.bounds
+        points, slopes = control[:, :, 1], control[:, :, 3]
+        inside = (points >= low) & (points <= high) & (abs(slopes) <= DERIVATIVE_BOUND)
+        length = lengths(control)
+        fit = (length >= self.limits.shortest) & (length <= self.limits.longest)
+        admitted = np.asarray(inside.all(axis=(1, 2)) & fit.all(axis=1))
+        sampled = sample_weights(self.samples) @ control[admitted]
+        count, segments, samples, dimension = sampled.shape
+        sets = sampled.reshape(count, segments * samples, dimension)
+        admitted[admitted] = self.obstacles.are_free(sets)
+        return admitted
+
+    def sampled(self) -> Problem:
+        """The window as the paper's programme, clearance required at samples.
+
+        Raises:
+            ValueError: a least turn radius, which samples do not hold.
+        """
+        if self.turn_radius > 0.0:
+            raise ValueError(
+                f"the sampled programme knows no turn radius, got {self.turn_radius} m; "
+                "planners.optimization.sqp.multi_start.MultiStart keeps one"
+            )
+        return _sampled(self)
+
+
+@lru_cache(maxsize=4)
+def _sampled(window: Window) -> Problem:
+    constraints: list[Constraint] = [LengthBounds(window.limits, np.zeros(window.chain.segments))]
+    if len(window.obstacles):
+        constraints.append(SampledClearance(window.obstacles, sample_weights(window.samples)))
+    return Problem(window.chain, window.objective, constraints, window.box, window.stiffness)
+
+
+def horizon_window(
+    field: Field,
+    vehicle: transition.State,
+    limits: Limits,
+    settings: WindowSettings,
+    segments: int,
+) -> Window:
+    """Get close to the goal, directly, past the obstacles within the look-ahead.
+
+    Reference:
+        The paper, sections III-C1 to III-C3. Its window test is printed with >=; an
+        obstacle counts when it is at most three longest segments away.
+    """
+    return Window(
+        chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
+        objective=HorizonObjective(vehicle.position, field.goal, settings.alpha),
+        field=field,
+        obstacles=field.obstacles.near(vehicle.position, settings.segments * limits.longest),
+        limits=limits,
+        samples=settings.samples,
+        stiffness=settings.stiffness,
+    )
+
+
+def final_window(
+    field: Field,
+    vehicle: transition.State,
+    limits: Limits,
+    settings: WindowSettings,
+    segments: int,
+) -> Window:
+    """The shortest chain that ends on the goal, past all obstacles.
+
+    Reference:
+        The paper, section III-C4.
+    """
+    chain = Chain.from_state(vehicle.position, vehicle.derivative, segments)
+    return Window(
+        chain=chain.ending_at(field.goal),
+        objective=LengthObjective(),
+        field=field,
+        obstacles=field.obstacles,
+        limits=limits,
+        samples=settings.samples,
+        stiffness=settings.stiffness,
+    )

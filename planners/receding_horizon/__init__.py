@@ -1,0 +1,1 @@
+"""Planners that decide one segment at a time."""

@@ -1,0 +1,1 @@
+"""Planners of whole paths: a route, and segments fitted to it."""

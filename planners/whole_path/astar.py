@@ -1,0 +1,115 @@
+"""Routes found by A* on a grid with 8 neighbours, then pulled tight to any angle.
+
+The grid stands on the bounds. No cell is blocked as a whole: a move is open if the straight line
+between the two grid points is clear of the discs themselves, so that a gap is lost only where no
+move of the grid fits through it. Vehicle and goal are joined to the grid points around them.
+The search is networkx's; shortcuts between any two points of its way are clear lines again.
+
+Reference:
+    Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
+    paths, IEEE Transactions on Systems Science and Cybernetics 4.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import Integers
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from planners.interface import Route
+from planners.whole_path.line_of_sight import lines_clear, scene_from
+from planners.whole_path.shortcut import shortcut
+
+MOST = 400
+"""Steps of the grid along an axis; a wider field gets a coarser grid, so that any field is planned
+in seconds."""
+JOINED = 2
+"""Vehicle and goal are joined to grid points that lie no further away along either axis [steps]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AStar:
+    """The shortest way through a grid, pulled tight. It needs networkx.
+
+    Raises:
+        ValueError: a resolution that is not positive and finite.
+    """
+
+    resolution: float = 1.0
+    """Distance between neighbours of the grid along an axis [m], at most."""
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.resolution < math.inf:
+            raise ValueError(f"resolution must be positive and finite, got {self.resolution} m")
+
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
+        """The way from the vehicle to the goal; the seed changes nothing.
+
+        Raises:
+            TypeError: obstacles other than discs in the plane.
+        """
+        # an optional library: planners are imported without it
+        import networkx
+
+        began = time.perf_counter()
+        scene = scene_from(field, vehicle.position)
+        if scene is None:
+            return None
+        axes = [_axis(low, high, self.resolution) for low, high in field.bounds.T]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        points = np.concatenate([grid.reshape(-1, 2), [vehicle.position, field.goal]])
+        start, goal = len(points) - 2, len(points) - 1
+        moves = np.concatenate(
+            [
+                _moves(len(axes[0]), len(axes[1])),
+                _joined(points, start, grid[1, 1] - grid[0, 0]),
+                _joined(points, goal, grid[1, 1] - grid[0, 0]),
+                [[start, goal]],
+            ]
+        )
+        moves = moves[lines_clear(scene, points[moves[:, 0]], points[moves[:, 1]])]
+        lengths = np.linalg.norm(points[moves[:, 0]] - points[moves[:, 1]], axis=1)
+        graph = networkx.Graph()
+        graph.add_nodes_from((start, goal))
+        graph.add_weighted_edges_from(zip(*moves.T.tolist(), lengths.tolist(), strict=True))
+        # any straight line is at least as long as this
+        togo = np.linalg.norm(points - field.goal, axis=1).tolist()
+        try:
+            way = networkx.astar_path(graph, start, goal, lambda node, _: togo[node])
+        except networkx.NetworkXNoPath:
+            return None
+        corners = shortcut(scene, points[way])
+        length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
+        found = time.perf_counter() - began, length
+        return Route(points=corners, length=length, progress=[found])
+
+
+def _axis(low: float, high: float, resolution: float) -> Array:
+    """Coordinates of the grid along an axis [m], the bounds among them."""
+    steps = min(max(1, math.ceil((high - low) / resolution)), MOST)
+    return np.linspace(low, high, steps + 1)
+
+
+def _moves(columns: int, rows: int) -> Integers:
+    """Pairs of neighbours (n, 2) in a grid, each pair once."""
+    node = np.arange(columns * rows).reshape(columns, rows)
+    pairs = (
+        (node[:-1], node[1:]),
+        (node[:, :-1], node[:, 1:]),
+        (node[:-1, :-1], node[1:, 1:]),
+        (node[1:, :-1], node[:-1, 1:]),
+    )
+    return np.concatenate([np.column_stack([a.ravel(), b.ravel()]) for a, b in pairs])
+
+
+def _joined(points: Array, node: int, step: Array) -> Integers:
+    """Pairs (n, 2) of a node and the points of the grid around it."""
+    apart = np.abs(points[:-2] - points[node])
+    (near,) = np.nonzero((apart <= JOINED * step).all(axis=1))
+    return np.column_stack([np.full(len(near), node), near])

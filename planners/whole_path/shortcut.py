@@ -1,0 +1,38 @@
+"""Shortcuts through a polyline: the shortest that leads through some of its points.
+
+It is found by dynamic programming backwards from the end; nothing shorter leads through the same
+points in their order. Corners stay where points are: no more than a string pulled tight among
+them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import Scene
+from planners.whole_path.line_of_sight import lines_clear
+
+
+def shortcut(scene: Scene, points: Array) -> Array:
+    """The points (m, 2) of the shortest clear polyline through points in their order [m].
+
+    It has the same first and last point. All steps of the one given are taken to be clear.
+
+    Args:
+        scene: what can stand in the way.
+        points: (n, 2) of a clear polyline [m], n >= 1.
+    """
+    n = len(points)
+    togo, after = np.zeros(n), np.arange(1, n + 1)
+    for k in range(n - 2, -1, -1):
+        ahead = points[k + 1 :]
+        way = np.linalg.norm(ahead - points[k], axis=1) + togo[k + 1 :]
+        clear = lines_clear(scene, points[k], ahead)
+        clear[0] = True
+        best = int(np.argmin(np.where(clear, way, np.inf)))
+        togo[k], after[k] = way[best], k + 1 + best
+    kept = [0]
+    while kept[-1] < n - 1:
+        kept.append(int(after[kept[-1]]))
+    return points[kept]

@@ -1,0 +1,199 @@
+"""Routes by particle swarm and by artificial bee colony: the whole flight as one chain.
+
+Swarms search one after the other, each for a share of the evaluations, until the budget is
+spent; the shortest chain that certification passed is the route. A chain that cuts into a disc
+is none: nothing is repaired afterwards.
+
+Reference:
+    Kennedy & Eberhart (1995), Particle swarm optimization; Karaboga (2005), An idea based on
+    honey bee swarm for numerical optimization; both as in pagmo: Biscani & Izzo (2020), A
+    parallel global multiobjective framework for optimization: pagmo, J. Open Source Software 5.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.certified_kernels import rooms
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from planners.interface import Evaluations, Route, Seconds
+from planners.whole_path.swarm_objective import ChainObjective, Encoding, Penalties, chain_objective
+
+BUDGET = Evaluations(150_000)
+"""About a second."""
+TOLERANCE = 1e-6
+"""Depth [m] that certification passes."""
+POINTS = 50
+"""Of a route on each segment."""
+
+
+class Method(Protocol):
+    """A method of pygmo and its parameters."""
+
+    @property
+    def size(self) -> int:
+        """How many particles or bees search together."""
+
+    def algorithm(self, generations: int, seed: int) -> Any:
+        """The algorithm (pygmo.algorithm) that goes on for so many generations when called."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Particles:
+    """Particle swarm; each particle is drawn to its best place and to its neighbours'."""
+
+    size: int = 25
+
+    def algorithm(self, generations: int, seed: int) -> Any:
+        """The algorithm; particles keep their velocities from call to call."""
+        import pygmo
+
+        return pygmo.algorithm(pygmo.pso(gen=generations, memory=True, seed=seed))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Bees:
+    """Artificial bee colony; each bee changes one unknown at a time."""
+
+    size: int = 20
+    limit: int = 200
+    """Trials after which a source that did not improve is given up. pygmo counts them anew
+    with each call; in training fields neither that nor a limit of 60 made a difference."""
+
+    def algorithm(self, generations: int, seed: int) -> Any:
+        """The algorithm."""
+        import pygmo
+
+        return pygmo.algorithm(pygmo.bee_colony(gen=generations, limit=self.limit, seed=seed))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Swarms:
+    """Routes by one swarm after the other."""
+
+    method: Method
+    encoding: Encoding = dataclasses.field(default_factory=Encoding)
+    penalties: Penalties = dataclasses.field(default_factory=Penalties)
+    budget: Evaluations | Seconds = BUDGET
+    share: int = 25_000
+    """Evaluations of each swarm."""
+    generations: int = 50
+    """Between looks at the clock and at the best chain."""
+    closest: float = 0.05
+    """First unknowns are drawn from [-r, r], with log r uniform from this to 1: some chains
+    begin near the straight way."""
+
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
+        """The shortest certified chain that any swarm found; None if there was none.
+
+        There is none where the goal is further away than the segments left can reach. A budget
+        of evaluations ends with the generations that reach it.
+
+        Raises:
+            TypeError: obstacles other than discs in the plane.
+        """
+        began = time.perf_counter()
+        left = PAPER_LIMITS.segments - vehicle.segments
+        if np.linalg.norm(field.goal - vehicle.position) > PAPER_LIMITS.longest * left:
+            return None  # the arrays of such chains can be larger than the memory
+        objective = chain_objective(field, vehicle, self.encoding, self.penalties)
+        stream = np.random.default_rng([seed, vehicle.segments])
+        best: Array | None = None
+        progress: list[tuple[float, float]] = []
+        evaluations = 0
+        for unknowns, more in self._bests(objective, stream):
+            evaluations += more
+            chain = objective.control(unknowns)
+            flown = float(length(chain).sum())
+            shorter = best is None or flown < progress[-1][1]
+            if shorter and _is_clear(chain, field):
+                best = chain
+                progress.append((time.perf_counter() - began, flown))
+            if self._is_spent(evaluations, time.perf_counter() - began):
+                break
+        if best is None:
+            return None
+        curve = evaluate(best, np.linspace(0.0, 1.0, POINTS + 1)[1:]).reshape(-1, 2)
+        return Route(
+            points=np.concatenate([vehicle.position[None], curve]),
+            length=progress[-1][1],
+            progress=progress,
+            evaluations=evaluations,
+        )
+
+    def _bests(
+        self, objective: ChainObjective, stream: np.random.Generator
+    ) -> Iterator[tuple[Array, int]]:
+        """A swarm's best unknowns after some generations, and the evaluations these took."""
+        import pygmo
+
+        problem = pygmo.problem(_Problem(objective))
+        while True:
+            swarm = pygmo.population(problem, seed=int(stream.integers(2**31)))
+            reach = self.closest ** stream.uniform(0.0, 1.0, (self.method.size, 1))
+            for x in reach * stream.uniform(-1.0, 1.0, (len(reach), objective.unknowns)):
+                swarm.push_back(x)
+            algorithm = self.method.algorithm(self.generations, int(stream.integers(2**31)))
+            before = 0
+            while before < self.share:
+                swarm = algorithm.evolve(swarm)
+                evaluations = swarm.problem.get_fevals()
+                yield swarm.champion_x, evaluations - before
+                before = evaluations
+
+    def _is_spent(self, evaluations: int, seconds: float) -> bool:
+        if isinstance(self.budget, Seconds):
+            return seconds >= self.budget.seconds
+        return evaluations >= self.budget.count
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Problem:
+    """The objective as pygmo asks for it."""
+
+    objective: ChainObjective
+
+    def fitness(self, x: Array) -> tuple[float]:
+        return (self.objective.value(x),)
+
+    def get_bounds(self) -> tuple[list[float], list[float]]:
+        unknowns = self.objective.unknowns
+        return [-1.0] * unknowns, [1.0] * unknowns
+
+
+def _is_clear(chain: Array, field: Field) -> bool:
+    """Whether a chain is certified to keep clear of obstacles and inside the bounds."""
+    clear = bool((field.obstacles.clearance(chain) >= -TOLERANCE).all())
+    return clear and bool((rooms(chain, field.bounds) >= -TOLERANCE).all())
+
+
+def particles() -> Swarms:
+    """Particle swarms with the parameters that did best in training fields.
+
+    Where each unknown moves one knot across the way, gaps are a little smaller, but in dense
+    fields a third of the routes are lost.
+    """
+    return Swarms(
+        method=Particles(),
+        encoding=Encoding(spacing=13.0),
+        penalties=Penalties(inside=10.0),
+    )
+
+
+def bees() -> Swarms:
+    """Bee colonies with the parameters that did best in training fields.
+
+    Bees change one unknown at a time, so that some unknowns must bend the whole chain.
+    """
+    return Swarms(method=Bees(), encoding=Encoding(), penalties=Penalties(inside=10.0))

@@ -1,0 +1,90 @@
+"""Routes along the Voronoi diagram of the obstacles' centres.
+
+Every disc counts as a point, its centre. The bounds count as points set along them, so that the
+diagram is bounded and leads between the outermost discs and the bounds, too. Edges that enter a
+disc or leave the bounds are taken out. Start and goal are joined to every vertex in sight, and to
+each other if nothing stands between them; to the nearest vertices alone, the outcome would hang
+on how many lie in a corner of the bounds. The shortest way through what is left is the route.
+
+The method does not know radii, and nothing here makes up for that. An edge keeps equal distances
+from two centres, not from two discs: beside a larger disc it collides although there is room.
+
+Reference:
+    The paper, section I, on its reference [1] by Beard and McLain.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import Voronoi
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import transition
+from ferguson_gym.world.field import Field
+from planners.interface import Route
+from planners.whole_path.line_of_sight import lines_clear, scene_from
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VoronoiEdges:
+    """The shortest way along edges of the diagram that are clear.
+
+    Raises:
+        ValueError: a side without points.
+    """
+
+    per_side: int = 24
+    """Points that stand for each side of the bounds: one every 5 m in the paper's fields."""
+
+    def __post_init__(self) -> None:
+        if self.per_side < 1:
+            raise ValueError(f"each side needs at least 1 point, got {self.per_side}")
+
+    def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
+        """The shortest way from the vehicle to the goal; the seed changes nothing.
+
+        Raises:
+            TypeError: obstacles other than discs in the plane.
+        """
+        began = time.perf_counter()
+        scene = scene_from(field, vehicle.position)
+        if scene is None:
+            return None
+        centers = np.column_stack([scene.discs["x"], scene.discs["y"]])
+        diagram = Voronoi(np.concatenate([centers, _along(field.bounds, self.per_side)]))
+        points = np.concatenate([diagram.vertices, [vehicle.position, field.goal]])
+        start, goal = len(points) - 2, len(points) - 1
+        ridges = np.array(diagram.ridge_vertices)
+        edges = np.concatenate(
+            [
+                ridges[(ridges >= 0).all(axis=1)],  # the others have no end
+                np.column_stack([np.full(start, start), np.arange(start)]),
+                np.column_stack([np.full(goal, goal), np.arange(goal)]),
+            ]
+        )
+        edges = edges[lines_clear(scene, points[edges[:, 0]], points[edges[:, 1]])]
+        lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
+        graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(goal + 1, goal + 1))
+        togo, after = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
+        if togo[start] == np.inf:
+            return None
+        way = [start]
+        while way[-1] != goal:
+            way.append(int(after[way[-1]]))
+        length = float(togo[start])
+        found = time.perf_counter() - began, length
+        return Route(points=points[way], length=length, progress=[found])
+
+
+def _along(bounds: Array, per_side: int) -> Array:
+    """Points (4 per_side, 2) along the bounds [m], corners among them."""
+    (left, low), (right, high) = bounds
+    corners = np.array([[left, low], [right, low], [right, high], [left, high]])
+    share = np.linspace(0.0, 1.0, per_side, endpoint=False)[:, None, None]
+    along: Array = corners + share * (np.roll(corners, -1, axis=0) - corners)
+    return along.reshape(-1, 2)

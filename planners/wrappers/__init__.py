@@ -1,0 +1,1 @@
+"""Planners around planners: backtracking, a limited sensing range, a safety margin."""
