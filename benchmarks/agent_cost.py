@@ -20,16 +20,16 @@ import numba
 import numpy as np
 from rich.table import Table
 
-from agents import shelf
-from agents.batched import fly_batch
-from agents.evaluation_request import is_batched
-from agents.flights import fly
-from agents.pilots import pilot
-from agents.planner_policies import expert
-from agents.policies import make_policy
-from agents.policy_interface import Policy
-from agents.terminal import Terminal
-from agents.warm_up import warm_policy
+from agents.evaluation.request import is_batched
+from agents.flights.batched import fly_batch
+from agents.flights.flight import fly
+from agents.models import shipped_agents
+from agents.policies.interface import Policy
+from agents.policies.network_policy import pilot
+from agents.policies.planner_policies import expert
+from agents.policies.registry import make_policy
+from agents.policies.warm_up import warm_policy
+from agents.runtime.terminal import Terminal
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from planners.optimization.reference.exchange import ByExchange
@@ -70,7 +70,7 @@ def main() -> None:
         warm_policy(name)
         fly(policy, name, fields[0], 0)
         rows.append((name, *cost(policy, name, fields)))
-        if is_batched(name) and (place := shelf.find(name)) is not None:
+        if is_batched(name) and (place := shipped_agents.find(name)) is not None:
             model = pilot(place).model
             began = time.process_time()
             flights = fly_batch(model, fields)

@@ -28,11 +28,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from agents.comparison_picture import COLOURS, draw_comparison
-from agents.flights import fly_by_name
-from agents.pictures import check_target
-from agents.policies import make_policy
-from agents.training_record import CURVE
+from agents.flights.flight import fly_by_name
+from agents.plots.flight_grid import check_target
+from agents.plots.policy_comparison import COLOURS, draw_comparison
+from agents.policies.registry import make_policy
+from agents.training.learning_curve import CURVE
 from ferguson_gym.rendering.drawing import style
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import written_whole

@@ -55,7 +55,7 @@ def evaluate(policy: str, fields: str, workers: int) -> Run:
     """
     with tempfile.TemporaryDirectory() as place:
         words = ["--policy", policy, "--fields", fields, "--workers", str(workers), "--out", place]
-        command = [sys.executable, "-m", "agents.command_line", "evaluate", "--quiet", *words]
+        command = [sys.executable, "-m", "agents.cli.main", "evaluate", "--quiet", *words]
         began = time.perf_counter()
         with subprocess.Popen(command, stdout=subprocess.DEVNULL) as running:
             sizes: list[tuple[float, float]] = [(0.0, 0.0)]

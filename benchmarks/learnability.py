@@ -27,7 +27,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from agents.vec_env import ObstacleFieldVecEnv
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.runtime.atomic_files import written_whole
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.vector_environment import VectorObstacleField

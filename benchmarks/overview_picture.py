@@ -20,11 +20,11 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from agents import models, shelf
-from agents.flights import Flight, fly_by_name
-from agents.imagining import LASTING, SPREAD
-from agents.model import Model
-from agents.policies import plain_agent
+from agents.flights.flight import Flight, fly_by_name
+from agents.models import loading, shipped_agents
+from agents.models.model import Model
+from agents.policies.lookahead import LASTING, SPREAD
+from agents.policies.registry import plain_agent
 from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
@@ -119,9 +119,9 @@ def _imagination(axes: Axes, flown: Flight) -> None:
     """What the agent sees from where it is, and how it might go on."""
     field = flown.field
     _begin(axes, flown, "The agent: what it sees and imagines")
-    place = shelf.find(plain_agent(AGENT))
+    place = shipped_agents.find(plain_agent(AGENT))
     assert place is not None
-    model = models.load(place)
+    model = loading.load(place)
     last = flown.control[LATER - 1]
     vehicle = flight.State(position=last[1], derivative=last[3], segments=LATER)
     seen = observe_one(field, vehicle, model.settings)
@@ -155,7 +155,7 @@ def _imagination(axes: Axes, flown: Flight) -> None:
 
 
 def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
-    """Flights from a state on, as `agents.imagining` imagines them, as points."""
+    """Flights from a state on, as `agents.policies.lookahead` imagines them, as points."""
     flights = Imagined(field, vehicle, TRIES, model.settings)
     states = [(vehicle.position, vehicle.derivative)] * TRIES
     curves: list[list[Array]] = [[] for _ in range(TRIES)]

@@ -27,11 +27,11 @@ from joblib import Parallel, delayed
 from paper_claims_picture import draw
 from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Variant
 
-from agents.metrics import Interval, path_share, success_interval
-from agents.pictures import check_target
-from agents.resampling import percentiles, resampled_means
-from agents.statistics import mcnemar
-from agents.warm_up import warm
+from agents.evaluation.bootstrap import percentiles, resampled_means
+from agents.evaluation.statistics import mcnemar
+from agents.flights.metrics import Interval, path_share, success_interval
+from agents.plots.flight_grid import check_target
+from agents.policies.warm_up import warm
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import exact_length

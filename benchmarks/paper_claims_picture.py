@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from agents.metrics import Interval
+from agents.flights.metrics import Interval
 from ferguson_gym.rendering.drawing import style
 from ferguson_gym.runtime.atomic_files import written_whole
 

@@ -20,7 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agents.solver_bench import take_windows
+from agents.benchmarks.solvers import take_windows
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field_names import select
 from planners.optimization.sqp.multi_start import MultiStart

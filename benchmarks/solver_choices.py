@@ -20,7 +20,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from agents.solver_bench import Task, take_windows
+from agents.benchmarks.solvers import Task, take_windows
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field_names import select
 from planners.optimization.certification import Certified

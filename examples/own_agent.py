@@ -30,12 +30,12 @@ except ImportError as error:
     install = ".venv/bin/pip install --editable '.[agents]' --constraint constraints.txt"
     raise SystemExit(f"own_agent.py needs {error.name}: {install}") from None
 
-from agents import networks, torch_models
-from agents.cards import Card
-from agents.flights import fly
-from agents.policies import make_policy
-from agents.policy_interface import Policy
-from agents.vec_env import ObstacleFieldVecEnv
+from agents.flights.flight import fly
+from agents.models import networks, torch_model
+from agents.models.model_card import Card
+from agents.policies.interface import Policy
+from agents.policies.registry import make_policy
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.world import transition as flight
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
@@ -97,7 +97,7 @@ def train(steps: int, seed: int, directory: Path) -> None:
         settings=LEARNER,
     )
     directory.mkdir(parents=True, exist_ok=True)
-    torch_models.save(directory, model, card)
+    torch_model.save(directory, model, card)
 
 
 def tell(name: str, policy: Policy, fields: list[Field]) -> float:

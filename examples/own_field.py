@@ -25,8 +25,8 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from agents.flights import Flight, fly
-from agents.policies import make_policy
+from agents.flights.flight import Flight, fly
+from agents.policies.registry import make_policy
 from ferguson_gym.rendering.drawing import draw_field, draw_path
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field, to_json

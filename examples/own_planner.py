@@ -18,10 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.flights import Flight, fly
-from agents.planner_policies import expert
-from agents.policies import make_policy
-from agents.policy_interface import Policy
+from agents.flights.flight import Flight, fly
+from agents.policies.interface import Policy
+from agents.policies.planner_policies import expert
+from agents.policies.registry import make_policy
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field

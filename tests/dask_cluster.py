@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.backends import place_of
+from agents.runtime.executors import place_of
 
 Start = Callable[[], subprocess.Popen[bytes]]
 

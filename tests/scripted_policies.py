@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agents.policies import make_policy
+from agents.policies.registry import make_policy
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action, encode

@@ -8,10 +8,10 @@ from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents import networks, torch_models
-from agents.cards import Card
-from agents.torch_models import Learned
-from agents.vec_env import ObstacleFieldVecEnv
+from agents.models import networks, torch_model
+from agents.models.model_card import Card
+from agents.models.torch_model import Learned
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
@@ -31,7 +31,7 @@ def learned(algorithm: str, environment: dict[str, Any]) -> Learned:
     """A policy that flies some way before it ends."""
     torch.manual_seed(1)
     card = card_of(algorithm, environment)
-    policy = torch_models.build(card)
+    policy = torch_model.build(card)
     with torch.no_grad():
         for name, parameter in policy.named_parameters():
             if name in ("action_net.weight", "actor.mu.weight", "actor.mu.0.weight"):
@@ -53,13 +53,13 @@ def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
         **few or {"buffer_size": 10},
     )
     directory.mkdir(parents=True, exist_ok=True)
-    torch_models.save(directory, model, card)
+    torch_model.save(directory, model, card)
     return directory
 
 
 def weights_of(directory: Path) -> list[torch.Tensor]:
     """Of the policy that is saved there."""
-    return list(torch_models.load(directory).policy.state_dict().values())
+    return list(torch_model.load(directory).policy.state_dict().values())
 
 
 def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.animation import Painter, animate
-from agents.command_line import main
-from agents.flights import Flight, fly, fly_by_name
-from agents.gif import COLOURS, Palette, write_gif
-from agents.kernels import small_field
-from agents.planner_policies import expert
-from agents.shots import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
-from agents.terminal import Terminal
+from agents.cli.main import main
+from agents.flights.flight import Flight, fly, fly_by_name
+from agents.plots.animation.animation import Painter, animate
+from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
+from agents.plots.animation.gif import COLOURS, Palette, write_gif
+from agents.policies.planner_policies import expert
+from agents.runtime.kernels import small_field
+from agents.runtime.terminal import Terminal
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.rendering.drawing import OBSTACLE, SEEN
 from ferguson_gym.world.field import Field, to_json

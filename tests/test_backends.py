@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
-from agents import backends, evaluation
-from agents.backends import Backend, place_of
-from agents.command_line import main
-from agents.evaluation_request import Request
-from agents.evaluation_work import WORK, Work
+from agents.cli.main import main
+from agents.evaluation import run
+from agents.evaluation.request import Request
+from agents.evaluation.work import WORK, Work
+from agents.runtime import executors
+from agents.runtime.executors import Backend, place_of
 from tests.dask_cluster import cluster, free_port
 
 NAMES = ("flights.csv", "paths.npz")
@@ -31,7 +32,7 @@ def contents(directory: Path) -> list[bytes]:
 
 @pytest.fixture
 def patient(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(backends, "PATIENCE", 60.0)  # the machine may be busy
+    monkeypatch.setattr(executors, "PATIENCE", 60.0)  # the machine may be busy
 
 
 @pytest.mark.slow
@@ -39,13 +40,13 @@ def patient(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    run.run(REQUEST, tmp_path / "here", Backend())
     keep = Work.keep
     with cluster(tmp_path) as (address, _, worker):
         workers = [worker(), worker()]
         backend = Backend(name="dask", address=address)
-        backends.check(backend)
-        evaluation.run(REQUEST, tmp_path / "there", backend)
+        executors.check(backend)
+        run.run(REQUEST, tmp_path / "there", backend)
         assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
         def kill_one(work: Work, chunk: int, flown: Any) -> None:
@@ -53,7 +54,7 @@ def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
             workers[0].kill()
 
         monkeypatch.setattr(Work, "keep", kill_one)
-        evaluation.run(REQUEST, tmp_path / "again", backend)
+        run.run(REQUEST, tmp_path / "again", backend)
         assert workers[0].poll() is not None
         assert contents(tmp_path / "again") == contents(tmp_path / "here")
 
@@ -74,10 +75,10 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
         with monkeypatch.context() as patch:
             patch.setattr(Work, "keep", kill)
             with pytest.raises(OSError, match=f"lost the dask scheduler at {address}"):
-                evaluation.run(REQUEST, tmp_path / "lost", Backend(name="dask", address=address))
+                run.run(REQUEST, tmp_path / "lost", Backend(name="dask", address=address))
     assert list((tmp_path / "lost" / WORK).glob("chunk-*"))
-    evaluation.run(REQUEST, tmp_path / "lost", Backend())
-    evaluation.run(REQUEST, tmp_path / "here", Backend())
+    run.run(REQUEST, tmp_path / "lost", Backend())
+    run.run(REQUEST, tmp_path / "here", Backend())
     assert contents(tmp_path / "lost") == contents(tmp_path / "here")
 
 
@@ -86,17 +87,17 @@ def test_a_scheduler_without_workers_is_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with cluster(tmp_path) as (address, _, _):
-        monkeypatch.setattr(backends, "PATIENCE", 2.0)
+        monkeypatch.setattr(executors, "PATIENCE", 2.0)
         with pytest.raises(ConnectionError, match=f"at {address} has no workers; start some"):
-            backends.check(Backend(name="dask", address=address))
+            executors.check(Backend(name="dask", address=address))
 
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("default")  # its own
 def test_ray_flies_the_same_flights(tmp_path: Path) -> None:
     pytest.importorskip("ray")
-    evaluation.run(REQUEST, tmp_path / "here", Backend())
-    evaluation.run(REQUEST, tmp_path / "there", Backend(name="ray"))
+    run.run(REQUEST, tmp_path / "here", Backend())
+    run.run(REQUEST, tmp_path / "there", Backend(name="ray"))
     assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
 
@@ -146,7 +147,7 @@ def test_what_listens_there_may_be_no_scheduler(
     banner: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
-    monkeypatch.setattr(backends, "PATIENCE", 0.5)
+    monkeypatch.setattr(executors, "PATIENCE", 0.5)
 
     def greet(listening: socket.socket) -> None:
         calling, _ = listening.accept()
@@ -162,7 +163,7 @@ def test_what_listens_there_may_be_no_scheduler(
         greeter.start()
         address = f"127.0.0.1:{listening.getsockname()[1]}"
         with pytest.raises(ConnectionError, match=f"no dask scheduler at {address}"):
-            backends.check(Backend(name="dask", address=address))
+            executors.check(Backend(name="dask", address=address))
         greeter.join()
 
 
@@ -170,7 +171,7 @@ def test_what_listens_there_may_be_no_scheduler(
 def test_without_its_library_a_backend_says_what_to_install(
     name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(backends.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(executors.importlib.util, "find_spec", lambda _: None)
     with pytest.raises(ValueError, match=f"--backend {name} needs .*: .venv/bin/pip install"):
         Backend(name=name, address="127.0.0.1:1")
 

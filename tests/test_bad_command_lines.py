@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.command_line import main
+from agents.cli.main import main
 
 EVALUATE = "evaluate --out results --fields paper:1 --policy"
 FIELDS = "evaluate --out results --policy guided --fields"
@@ -165,7 +165,7 @@ def test_a_bad_line_on_agents_is_refused(
 def test_planners_are_refused_without_the_libraries_of_agents(place: Path) -> None:
     program = (
         "import sys, json\n"
-        "from agents.command_line import main\n"
+        "from agents.cli.main import main\n"
         "status = {main(line) for line in json.load(sys.stdin)}\n"
         "heavy = ('torch', 'minari', 'distributed')\n"
         "print(status, [name for name in heavy if name in sys.modules])"

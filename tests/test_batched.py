@@ -9,10 +9,10 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents.batched import fly_batch, score
-from agents.flights import fly
-from agents.model import Model
-from agents.pilots import Pilot
+from agents.flights.batched import fly_batch, score
+from agents.flights.flight import fly
+from agents.models.model import Model
+from agents.policies.network_policy import Pilot
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
@@ -82,7 +82,7 @@ def test_nothing_is_flown_of_no_fields_and_none_without_room() -> None:
 
 
 def test_the_pilot_loads_a_model_once(tmp_path: Path) -> None:
-    from agents.pilots import pilot
+    from agents.policies.network_policy import pilot
     from tests.small_models import saved
 
     place = saved(tmp_path / "ace")

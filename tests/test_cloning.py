@@ -10,11 +10,11 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents import torch_models
-from agents.cards import Card
-from agents.cloning import AVERAGED, Cloner
-from agents.lessons import Lesson, Lessons, row
-from agents.symmetry import mirrored
+from agents.models import torch_model
+from agents.models.model_card import Card
+from agents.training.imitation.behavior_cloning import AVERAGED, Cloner
+from agents.training.imitation.dataset import Lesson, Lessons, row
+from agents.training.imitation.mirror import mirrored
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field_names import one, select
@@ -49,7 +49,7 @@ def drawn(lessons: Lessons, number: int = 32) -> Lesson:
 
 def cloner(rate: float = 1e-2, price: float = 8.0) -> Cloner:
     torch.manual_seed(0)
-    policy: Any = torch_models.build(CARD)
+    policy: Any = torch_model.build(CARD)
     return Cloner(policy, lambda: rate, price)
 
 
@@ -92,7 +92,7 @@ def test_what_flies_is_the_average_of_what_learns(lessons: Lessons) -> None:
 def test_the_rate_is_asked_for_at_each_update(lessons: Lessons) -> None:
     rates = iter([1e-2, 0.0])
     torch.manual_seed(0)
-    policy: Any = torch_models.build(CARD)
+    policy: Any = torch_model.build(CARD)
     school = Cloner(policy, lambda: next(rates), 8.0)
     before = weights(school.learner)
     school.update(drawn(lessons), in_the_mirror=False)

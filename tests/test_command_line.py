@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import planning
-from agents.command_line import main
+from agents.cli import plan_report
+from agents.cli.main import main
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import to_json
 from ferguson_gym.world.field_names import one
@@ -124,7 +124,7 @@ def test_a_plan_along_a_route_tells_of_the_route(capsys: pytest.CaptureFixture[s
 
 
 def test_a_route_that_is_not_the_shortest_says_by_how_much() -> None:
-    report = planning.plan(make("shortest"), "slow", one("sparse/train:0"), 0)
+    report = plan_report.plan(make("shortest"), "slow", one("sparse/train:0"), 0)
     exact = report.flight.exact_length
     assert exact is not None
     route = Route(

@@ -131,9 +131,9 @@ def test_machine_code_is_cached_under_the_digest() -> None:
 FLIGHTS = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from agents.flights import fly
-from agents.policies import expert
-from agents.warm_up import compile_kernels, warm
+from agents.flights.flight import fly
+from agents.policies.registry import expert
+from agents.policies.warm_up import compile_kernels, warm
 from ferguson_gym.world.field_names import one
 from planners.registry import PLANNERS
 from tests.quick_planners import quick

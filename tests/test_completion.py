@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.command_line import main
+from agents.cli.main import main
 
 pytestmark = pytest.mark.skipif(shutil.which("bash") is None, reason="needs bash")
 

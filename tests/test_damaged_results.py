@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import flight_table, records
-from agents.report import write_report
-from agents.stored_arrays import read_arrays
+from agents.evaluation import flight_table, records
+from agents.evaluation.report.page import write_report
+from agents.runtime.safe_npz import read_arrays
 from tests.test_evaluation_work import stub
 from tests.written_results import write_results
 

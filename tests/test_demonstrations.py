@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents import demonstrations_making as making
-from agents import demonstrations_work as work
-from agents.demonstrations_episodes import Episode, make_environment, pack, replay, unpack
-from agents.demonstrations_work import Request
+from agents.demonstrations import recording as making
+from agents.demonstrations import work
+from agents.demonstrations.episode import Episode, make_environment, pack, replay, unpack
+from agents.demonstrations.work import Request
 from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import depart

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.command_line import main
-from agents.demonstrations import read
+from agents.cli.main import main
+from agents.demonstrations.reading import read
 from tests.waiting import until
 
 minari = pytest.importorskip("minari")
@@ -123,7 +123,7 @@ def test_nothing_is_left_of_the_work(root: Path) -> None:
 @pytest.mark.slow
 def test_workers_and_interruptions_change_nothing(root: Path) -> None:
     fields = "sparse/train:0-79"
-    command = [sys.executable, "-m", "agents.command_line", "demos", "--expert", "guided"]
+    command = [sys.executable, "-m", "agents.cli.main", "demos", "--expert", "guided"]
     command += ["--fields", fields, "--out", ID]
     work = root / "ferguson" / ".guided-v0.part"
     for stop, status in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
@@ -145,12 +145,12 @@ def test_workers_and_interruptions_change_nothing(root: Path) -> None:
 def test_an_interruption_while_writing_is_made_up_for(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from agents import demonstrations_minari
+    from agents.demonstrations import minari_store
 
     def stopped(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(demonstrations_minari, "_know_namespace", stopped)
+    monkeypatch.setattr(minari_store, "_know_namespace", stopped)
     assert demos() == 130
     assert list(minari.list_local_datasets()) == []
     monkeypatch.undo()

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from agents import demonstrations_minari
-from agents.command_line import main
-from agents.demonstrations import read
-from agents.demonstrations_minari import namespace_of
+from agents.cli.main import main
+from agents.demonstrations import minari_store
+from agents.demonstrations.minari_store import namespace_of
+from agents.demonstrations.reading import read
 
 
 def refused(arguments: dict[str, str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -23,7 +23,7 @@ def refused(arguments: dict[str, str], capsys: pytest.CaptureFixture[str]) -> st
 def test_without_minari_it_says_what_to_install(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(demonstrations_minari.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(minari_store.importlib.util, "find_spec", lambda _: None)
     message = "demonstrations need Minari: .venv/bin/pip install --editable '.[demos]'"
     assert message in refused({}, capsys)
     with pytest.raises(ValueError) as caught:
@@ -50,8 +50,8 @@ def test_bad_input_is_named(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(demonstrations_minari, "_datasets_root", lambda: tmp_path / "datasets")
-    monkeypatch.setattr(demonstrations_minari, "require_minari", lambda: None)
+    monkeypatch.setattr(minari_store, "_datasets_root", lambda: tmp_path / "datasets")
+    monkeypatch.setattr(minari_store, "require_minari", lambda: None)
     assert message in refused(arguments, capsys)
     assert not list(tmp_path.iterdir())
 
@@ -66,7 +66,7 @@ def test_ids_begin_with_a_namespace_or_not(dataset_id: str, namespace: str) -> N
 
 def test_the_program_starts_without_optional_libraries() -> None:
     program = (
-        "import sys, agents.command_line, agents.demonstrations\n"
+        "import sys, agents.cli.main, agents.demonstrations.reading\n"
         "print([m for m in ('minari', 'h5py', 'torch', 'stable_baselines3') if m in sys.modules])"
     )
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)

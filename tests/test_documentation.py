@@ -12,7 +12,7 @@ from unittest.mock import patch
 
 import pytest
 
-from agents.command_line import _parser, main
+from agents.cli.main import _parser, main
 from planners.registry import PLANNERS
 from tests.documents import PAGES, README, ROOT, Block, blocks, commands_of, reduced
 

@@ -13,12 +13,19 @@ import pytest
 from gymnasium.vector import VectorEnv
 from rich.console import Console
 
-from agents import env_bench, env_drivers, fresh_start
-from agents.command_line import main
-from agents.env_bench import Request, Row, measure, ratios, speeds, summary
-from agents.env_drivers import Entry, ForBaselines, OneByOne, Slice, Together, entries
-from agents.env_processes import in_processes
-from agents.terminal import Terminal
+from agents.benchmarks.environment import bench, drivers, startup
+from agents.benchmarks.environment.bench import Request, Row, measure, ratios, speeds, summary
+from agents.benchmarks.environment.drivers import (
+    Entry,
+    ForBaselines,
+    OneByOne,
+    Slice,
+    Together,
+    entries,
+)
+from agents.benchmarks.environment.subprocess_envs import in_processes
+from agents.cli.main import main
+from agents.runtime.terminal import Terminal
 from ferguson_gym.environment import ObstacleField
 
 REQUEST = Request(observation="discs", seconds=1e-9, rounds=3, seed=0, first_step=False)
@@ -173,7 +180,7 @@ def test_ratios_are_taken_within_rounds() -> None:
 def test_every_ratio_is_of_rows_that_are_there() -> None:
     rows = {Row(entry.name, entry.number) for entry in entries("discs")}
     assert len(rows) == 11
-    assert {row for pair in env_bench.RATIOS for row in pair} <= rows
+    assert {row for pair in bench.RATIOS for row in pair} <= rows
 
 
 def test_actions_are_small_and_repeat() -> None:
@@ -202,8 +209,8 @@ def test_warming_up_lays_out_all_fields(number: int) -> None:
 
 @pytest.fixture
 def few_fields(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(env_drivers, "entries", partial(entries, fields=64))
-    monkeypatch.setattr(fresh_start, "STARTS", 1)
+    monkeypatch.setattr(drivers, "entries", partial(entries, fields=64))
+    monkeypatch.setattr(startup, "STARTS", 1)
 
 
 @pytest.mark.usefixtures("few_fields")
@@ -218,7 +225,7 @@ def test_tables_and_files_tell_the_same(
     seconds = "0.01"
     if observation == "rays":  # also in no time, and without Stable-Baselines3
         seconds = "1e-9"
-        monkeypatch.setattr(env_drivers, "has_baselines", lambda: False)
+        monkeypatch.setattr(drivers, "has_baselines", lambda: False)
     else:
         pytest.importorskip("stable_baselines3")
     arguments = ["--observation", observation, "--seconds", seconds, "--rounds", "2"]
@@ -280,7 +287,7 @@ def test_tables_and_files_tell_the_same(
 def test_tables_fit_into_eighty_columns() -> None:
     row = Row("ObstacleField SyncVectorEnv", 2048)
     slices = {row: [Slice(12_345_678, 1_000_000, 1.0)] * 2}
-    slices |= {row: [Slice(90, 0, 1.0)] for pair in env_bench.RATIOS for row in pair}
+    slices |= {row: [Slice(90, 0, 1.0)] for pair in bench.RATIOS for row in pair}
     report = summary(slices, [Row("ObstacleField SubprocVecEnv", 2)], {}, REQUEST)
     console = Console(width=80)
     for table in (speeds(report), ratios(report)):
@@ -289,7 +296,7 @@ def test_tables_fit_into_eighty_columns() -> None:
 
 @pytest.mark.slow
 def test_an_empty_cache_has_to_be_filled() -> None:
-    fresh = fresh_start.measure("discs", with_compilation=True)
+    fresh = startup.measure("discs", with_compilation=True)
     assert fresh["compile_seconds"] is not None
     assert fresh["first_step_seconds"] is not None
     assert fresh["compile_seconds"] > 2.0 * fresh["first_step_seconds"]
@@ -297,7 +304,7 @@ def test_an_empty_cache_has_to_be_filled() -> None:
 
 def test_a_fresh_process_that_fails_says_why() -> None:
     with pytest.raises(RuntimeError, match="unknown observation 'stars'"):
-        fresh_start.measure("stars", with_compilation=False)
+        startup.measure("stars", with_compilation=False)
 
 
 def test_processes_end_when_their_use_is_interrupted() -> None:

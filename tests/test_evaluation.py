@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation import evaluate
-from agents.flights import fly_by_name
-from agents.records import record_of
-from agents.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
+from agents.evaluation.records import record_of
+from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
+from agents.evaluation.run import evaluate
+from agents.flights.flight import fly_by_name
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible

@@ -9,12 +9,12 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from agents import evaluation, evaluation_work
-from agents.backends import Backend
-from agents.command_line import main
-from agents.evaluation_request import Request
-from agents.evaluation_work import Work
-from agents.flights import fly_by_name
+from agents.cli.main import main
+from agents.evaluation import run, work
+from agents.evaluation.request import Request
+from agents.evaluation.work import Work
+from agents.flights.flight import fly_by_name
+from agents.runtime.executors import Backend
 from tests.small_models import saved
 
 FIELDS = [*(f"sparse/train:{k}" for k in range(16)), "traps/train:0", "paper:2"]
@@ -31,15 +31,15 @@ def contents(directory: Path) -> list[bytes]:
 
 def test_flights_are_those_of_the_agent_alone(model: Path, tmp_path: Path) -> None:
     request = Request(policies=[str(model)], fields=FIELDS, seeds=[0])
-    evaluation.run(request, tmp_path / "one", Backend())
+    run.run(request, tmp_path / "one", Backend())
     one = contents(tmp_path / "one")
     for together, chunk in ((1, 5), (3, 18), (7, 11)):
         out = tmp_path / f"{together}-{chunk}"
-        evaluation.run(replace(request, chunk=chunk), out, Backend(), together=together)
+        run.run(replace(request, chunk=chunk), out, Backend(), together=together)
         assert contents(out) == one
     with (tmp_path / "one" / "flights.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    alone = fly_by_name(str(model), evaluation.field_of(FIELDS[-1]), 0)
+    alone = fly_by_name(str(model), run.field_of(FIELDS[-1]), 0)
     assert rows[-1]["length"] == repr(alone.length)
     assert rows[-1]["outcome"] == alone.outcome.label
     with (tmp_path / "one" / "timings.csv").open(newline="") as file:
@@ -61,7 +61,7 @@ def test_flights_do_not_depend_on_workers(model: Path, tmp_path: Path) -> None:
         policies=[str(model), "guided", f"{model}+shield"], fields=FIELDS, seeds=[0, 1], chunk=7
     )
     for workers in (1, 2, 4):
-        evaluation.run(request, tmp_path / str(workers), Backend(workers=workers))
+        run.run(request, tmp_path / str(workers), Backend(workers=workers))
     assert contents(tmp_path / "1") == contents(tmp_path / "2") == contents(tmp_path / "4")
 
 
@@ -75,4 +75,4 @@ def test_another_model_at_the_same_path_is_another_configuration(tmp_path: Path)
         assert Request(policies=[policy], fields=["paper:1"], seeds=[0]).digest != before
     request = Request(policies=[str(place)], fields=["sparse/train:0"], seeds=range(1))
     with pytest.raises(ValueError, match=r"another configuration .policies was"):
-        evaluation_work.check(Work(tmp_path / "out", request))
+        work.check(Work(tmp_path / "out", request))

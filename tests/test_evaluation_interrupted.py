@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from agents import evaluation
-from agents.backends import Backend
-from agents.evaluation_request import Request
-from agents.evaluation_work import WORK, Work
+from agents.evaluation import run as evaluation
+from agents.evaluation.request import Request
+from agents.evaluation.work import WORK, Work
+from agents.runtime.executors import Backend
 from tests.waiting import until
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
@@ -37,7 +37,7 @@ def children(pid: int) -> list[int]:
 
 
 def start(out: Path, fields: str, *more: str) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "agents.command_line", "evaluate", "--policy", "guided"]
+    command = [sys.executable, "-m", "agents.cli.main", "evaluate", "--policy", "guided"]
     command += ["--fields", fields, "--out", str(out), *more]
     # no pipe: workers that outlive a killed run would keep it open
     with said_by(out).open("w") as said:

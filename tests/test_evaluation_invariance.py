@@ -7,10 +7,11 @@ import pytest
 
 pytest.importorskip("sb3_contrib")
 
-from agents import backends, evaluation
-from agents.backends import Backend
-from agents.evaluation_request import Request
-from agents.evaluation_work import WORK
+from agents.evaluation import run
+from agents.evaluation.request import Request
+from agents.evaluation.work import WORK
+from agents.runtime import executors
+from agents.runtime.executors import Backend
 from tests.dask_cluster import cluster
 
 pytestmark = pytest.mark.slow
@@ -31,7 +32,7 @@ def arrays(directory: Path) -> dict[str, list[object]]:
 def plain(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Flown by this process, as nothing else is said."""
     directory = tmp_path_factory.mktemp("plain")
-    evaluation.run(request_of(), directory, Backend())
+    run.run(request_of(), directory, Backend())
     return directory
 
 
@@ -46,7 +47,7 @@ def alike(one: Path, other: Path) -> bool:
 def test_any_number_of_workers_with_chunks_of_any_size_fly_the_same(
     workers: int, chunk: int, plain: Path, tmp_path: Path
 ) -> None:
-    evaluation.run(request_of(chunk=chunk), tmp_path, Backend(workers=workers))
+    run.run(request_of(chunk=chunk), tmp_path, Backend(workers=workers))
     assert alike(plain, tmp_path)
 
 
@@ -54,16 +55,16 @@ def test_any_number_of_workers_with_chunks_of_any_size_fly_the_same(
 def test_any_number_of_flights_in_the_air_are_the_same(
     together: int, plain: Path, tmp_path: Path
 ) -> None:
-    evaluation.run(request_of(), tmp_path, Backend(workers=2), together=together)
+    run.run(request_of(), tmp_path, Backend(workers=2), together=together)
     assert alike(plain, tmp_path)
 
 
 def test_a_dask_cluster_of_two_flies_the_same(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(backends, "PATIENCE", 60.0)  # the machine may be busy
+    monkeypatch.setattr(executors, "PATIENCE", 60.0)  # the machine may be busy
     with cluster(tmp_path) as (address, _, worker):
         worker(), worker()
         backend = Backend(name="dask", address=address)
-        evaluation.run(request_of(chunk=3), tmp_path / "there", backend, together=3)
+        run.run(request_of(chunk=3), tmp_path / "there", backend, together=3)
     assert alike(plain, tmp_path / "there")

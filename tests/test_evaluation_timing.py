@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from agents import evaluation_timing
-from agents.evaluation_request import Request
-from agents.evaluation_timing import MOST, measure
+from agents.evaluation import timing as evaluation_timing
+from agents.evaluation.request import Request
+from agents.evaluation.timing import MOST, measure
 
 
 def request_of(count: int) -> Request:

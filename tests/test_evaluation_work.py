@@ -14,14 +14,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import evaluation, evaluation_chunks, evaluation_work, records
-from agents.backends import Backend, WorkerDiedError
-from agents.evaluation_chunks import Answer, Task, fly_task
-from agents.evaluation_request import Request, field_of, name_of, spans
-from agents.evaluation_timing import Timing
-from agents.evaluation_work import WORK, Work
-from agents.hands import Hand
-from agents.records import Record, Trace
+from agents.evaluation import chunks, records
+from agents.evaluation import run as evaluation
+from agents.evaluation import work as evaluation_work
+from agents.evaluation.chunks import Answer, Task, fly_task
+from agents.evaluation.records import Record, Trace
+from agents.evaluation.request import Request, field_of, name_of, spans
+from agents.evaluation.timing import Timing
+from agents.evaluation.work import WORK, Work
+from agents.policies.shield_decisions import Hand
+from agents.runtime.executors import Backend, WorkerDiedError
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.outcome import Outcome
 
@@ -69,7 +71,7 @@ def stubs(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
 
 @pytest.fixture
 def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(evaluation_chunks, "_one_by_one", stubs)
+    monkeypatch.setattr(chunks, "_one_by_one", stubs)
     monkeypatch.setattr(evaluation, "draw_flights", lambda _, path, title: path.touch())
     monkeypatch.setattr(evaluation, "draw_comparison", lambda _, path: path.touch())
     monkeypatch.setattr(
@@ -245,7 +247,7 @@ def test_results_that_are_there_are_not_flown_again(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(evaluation_chunks, "_one_by_one", lambda *_: 1 / 0)
+    monkeypatch.setattr(chunks, "_one_by_one", lambda *_: 1 / 0)
     evaluation.run(REQUEST, tmp_path / "whole", ALONE)
     assert "holds these results already; --fresh flies again" in capsys.readouterr().err
     assert contents(tmp_path / "whole") == whole

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from agents.command_line import main
-from agents.flights import fly
-from agents.planner_policies import expert
-from agents.policies import make_policy
+from agents.cli.main import main
+from agents.flights.flight import fly
+from agents.policies.planner_policies import expert
+from agents.policies.registry import make_policy
 from ferguson_gym.curves.path import Path as Curve
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.feasibility import is_feasible
@@ -90,7 +90,7 @@ def test_the_own_agent_is_trained_on_its_reward_and_evaluated_by_its_path(
     run: Run, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("stable_baselines3")
-    from agents import torch_models
+    from agents.models import torch_model
 
     few = ["--fields", "sparse/validation:23-26"]  # the way is free in the first
     _, text = run("own_agent.py", "--steps", "4096", *few)
@@ -99,7 +99,7 @@ def test_the_own_agent_is_trained_on_its_reward_and_evaluated_by_its_path(
     assert main(printed_command(text)) == 0
     assert "own-agent" in capsys.readouterr().out
     before, after = (
-        torch_models.load(f"results/examples/{name}").policy.state_dict()
+        torch_model.load(f"results/examples/{name}").policy.state_dict()
         for name in ("untrained", "own-agent")
     )
     assert any((after[key] != before[key]).any() for key in before)

@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 import torch
 from gymnasium import spaces
 
-from agents.extractors import Attention, DeepSets, Plain
+from agents.models.extractors import Attention, DeepSets, Plain
 from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.spaces import observation_space

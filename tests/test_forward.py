@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import models, shelf
-from agents.architecture import Architecture, architecture_of
-from agents.batched import fly_batch
-from agents.cards import Card
-from agents.flights import fly_by_name
-from agents.forward import Forward
-from agents.imagining import Imagining
-from agents.pilots import Pilot, pilot
+from agents.flights.batched import fly_batch
+from agents.flights.flight import fly_by_name
+from agents.models import loading, shipped_agents
+from agents.models.architecture import Architecture, architecture_of
+from agents.models.inference.forward import Forward
+from agents.models.model_card import Card
+from agents.policies.lookahead import Imagining
+from agents.policies.network_policy import Pilot, pilot
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import settings_of
@@ -82,11 +82,11 @@ def test_it_acts_as_the_same_network_in_torch(given: Card) -> None:
     pytest.importorskip("sb3_contrib")
     import torch
 
-    from agents import torch_models
-    from agents.torch_models import Learned, TorchNetwork
+    from agents.models import torch_model
+    from agents.models.torch_model import Learned, TorchNetwork
 
     torch.manual_seed(0)
-    policy = torch_models.build(given)
+    policy = torch_model.build(given)
     with torch.no_grad():
         for name, parameter in policy.named_parameters():
             if name.startswith("action_net"):
@@ -107,14 +107,15 @@ def test_it_acts_as_the_same_network_in_torch(given: Card) -> None:
         assert tuple(state[name].shape) == shape
 
 
-@pytest.mark.parametrize("name", [name for name in shelf.shipped() if name != shelf.BEST])
+@pytest.mark.parametrize(
+    "name", [name for name in shipped_agents.shipped() if name != shipped_agents.BEST]
+)
 def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     pytest.importorskip("sb3_contrib")
-    from agents import torch_models
-    from agents.torch_models import TorchNetwork
+    from agents.models.torch_model import TorchNetwork
 
-    place = shelf.shipped()[name]
-    model = models.load(place)
+    place = shipped_agents.shipped()[name]
+    model = loading.load(place)
     parts: list[Observation] = []
     for field in select("standard/validation:0-59"):
         vehicle = transition.depart(field)
@@ -124,7 +125,7 @@ def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     seen = {key: np.concatenate([part[key] for part in parts])[:1000] for key in parts[0]}
     actions = model.network.act(seen)
     assert len(actions) == 1000
-    theirs = TorchNetwork(torch_models.load(place).policy).act(seen)
+    theirs = TorchNetwork(torch_model.load(place).policy).act(seen)
     apart = np.abs(actions - theirs).max(axis=1)
     # where two ways are as good as equal, the last bit decides between them
     assert (apart > 1e-5).sum() <= 1
@@ -209,10 +210,10 @@ def test_no_flight_waits_for_a_kernel() -> None:
     program = """
 import gc
 from numba.core.dispatcher import Dispatcher
-from agents.batched import fly_batch
-from agents.flights import fly
-from agents.policies import make_policy
-from agents.warm_up import compile_kernels
+from agents.flights.batched import fly_batch
+from agents.flights.flight import fly
+from agents.policies.registry import make_policy
+from agents.policies.warm_up import compile_kernels
 from ferguson_gym.world.field_names import one
 
 def kernels():
@@ -250,7 +251,7 @@ def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
     where = ["--fields", "sparse/validation:0", "--out", str(tmp_path / "out")]
     path = f"{tmp_path}:{ROOT}"
     done = subprocess.run(
-        [sys.executable, "-m", "agents.command_line", "evaluate", *arguments, *where],
+        [sys.executable, "-m", "agents.cli.main", "evaluate", *arguments, *where],
         env={"PYTHONPATH": path, "PATH": "/usr/bin:/bin", "HOME": str(tmp_path), "COLUMNS": "120"},
         capture_output=True,
         text=True,
@@ -266,15 +267,15 @@ def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
 
 
 def test_shipped_agents_fly_without_torch_as_with_it() -> None:
-    for name, place in shelf.shipped().items():
-        assert not models.needs_torch(place), name
+    for name, place in shipped_agents.shipped().items():
+        assert not loading.needs_torch(place), name
         assert isinstance(pilot(place).model.network, Forward)
 
 
 def test_imagined_flights_are_judged_as_flights_are() -> None:
     """The flight that is flown is the one that was imagined, to the last bit."""
-    place = shelf.shipped()[shelf.BEST]
-    model = models.load(place)
+    place = shipped_agents.shipped()[shipped_agents.BEST]
+    model = loading.load(place)
     for name in ("standard/validation:3", "traps/validation:1"):
         field = one(name)
         agent = Imagining(Pilot(model), 6)

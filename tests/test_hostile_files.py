@@ -160,7 +160,7 @@ def test_a_training_is_not_taken_up_from_pickles(
 
 def test_a_model_to_begin_with_is_not_unpickled(trace: Path, tmp_path: Path) -> None:
     pytest.importorskip("sb3_contrib")
-    from agents.command_line import main
+    from agents.cli.main import main
     from tests.small_models import saved
 
     start = saved(tmp_path / "start")
@@ -177,14 +177,14 @@ def test_a_model_to_begin_with_is_not_unpickled(trace: Path, tmp_path: Path) -> 
 
 def test_a_model_takes_no_more_memory_or_time_than_a_network_may(tmp_path: Path) -> None:
     pytest.importorskip("sb3_contrib")
-    from agents import torch_models
-    from agents.models import load
+    from agents.models import torch_model
+    from agents.models.loading import load
     from tests.small_models import saved
 
     place = saved(tmp_path / "model")
     card = json.loads((place / "model.json").read_text())
     (place / "model.json").write_text(json.dumps(card | {"policy_kwargs": {"net_arch": [10**9]}}))
-    for loaded in (load, torch_models.load):
+    for loaded in (load, torch_model.load):
         with pytest.raises(ValueError, match=r"at most .* (weights|units|are read)"):
             loaded(place)
     (place / "model.json").write_text(json.dumps(card))
@@ -200,11 +200,11 @@ def test_a_model_takes_no_more_memory_or_time_than_a_network_may(tmp_path: Path)
 
 
 def test_results_and_chunks_are_not_unpickled(trace: Path, tmp_path: Path) -> None:
-    from agents import evaluation_work
-    from agents.backends import Backend
-    from agents.evaluation import run
-    from agents.evaluation_request import Request
-    from agents.report import write_report
+    from agents.evaluation import work as evaluation_work
+    from agents.evaluation.report.page import write_report
+    from agents.evaluation.request import Request
+    from agents.evaluation.run import run
+    from agents.runtime.executors import Backend
 
     request = Request(policies=["single-start"], fields=["sparse/train:0"], seeds=[0])
     work = evaluation_work.Work(tmp_path / "unfinished", request)
@@ -225,8 +225,8 @@ def test_demonstrations_are_not_unpickled_nor_their_environment_imported(
     trace: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("minari")
-    from agents.command_line import main
-    from agents.demonstrations import read
+    from agents.cli.main import main
+    from agents.demonstrations.reading import read
 
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     name = "ferguson/hostile-v0"
@@ -258,7 +258,7 @@ def test_demonstrations_are_not_unpickled_nor_their_environment_imported(
 
 def test_hyperparameters_are_data(trace: Path, tmp_path: Path) -> None:
     pytest.importorskip("yaml")
-    from agents.training_recipe import read
+    from agents.training.hyperparameters import read
 
     file = tmp_path / "recipe.yml"
     file.write_text(f"!!python/object/apply:pathlib.Path.touch [!!python/str {str(trace)!r}]")

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.cards import Card
-from agents.flights import Flight, fly
-from agents.imagining import MOST, Imagining
-from agents.model import Model
-from agents.pilots import Pilot
-from agents.policies import make_policy
+from agents.flights.flight import Flight, fly
+from agents.models.model import Model
+from agents.models.model_card import Card
+from agents.policies.lookahead import MOST, Imagining
+from agents.policies.network_policy import Pilot
+from agents.policies.registry import make_policy
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action

@@ -10,8 +10,8 @@ pytest.importorskip("torch")
 
 import torch
 
-from agents import lessons
-from agents.lessons import COLUMNS, Lesson, Lessons, row
+from agents.training.imitation import dataset
+from agents.training.imitation.dataset import COLUMNS, Lesson, Lessons, row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
@@ -87,7 +87,7 @@ def test_discs_around_are_in_metres_in_the_vehicle_s_frame() -> None:
 
 
 def test_room_grows_and_keeps_what_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lessons, "_FIRST", 4)
+    monkeypatch.setattr(dataset, "_FIRST", 4)
     stream = np.random.default_rng(1)
     known, rows = Lessons(Settings(nearest=2)), rows_of([0] * 3 + [1] * 30 + [2], stream)
     for part in (rows[:3], rows[3:33], rows[33:]):
@@ -123,7 +123,7 @@ def test_the_field_of_a_seed_is_asked_for_once_a_flight() -> None:
 def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(lessons, "RECENT", 3)
+    monkeypatch.setattr(dataset, "RECENT", 3)
     stream = np.random.default_rng(6)
     known, rows = Lessons(Settings(nearest=2)), rows_of([0] * 100, stream)
     rows[[1, 40, 60, 99], 10] = 1.0

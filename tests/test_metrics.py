@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.metrics import best_so_far, quantile, share_within, success_interval
+from agents.flights.metrics import best_so_far, quantile, share_within, success_interval
 
 
 @pytest.mark.parametrize(("successes", "number"), [(0, 10), (7, 10), (10, 10), (981, 1000)])

@@ -14,10 +14,10 @@ import torch
 from scipy import stats
 from stable_baselines3 import PPO
 
-from agents import models, networks, torch_models
-from agents.cards import Card
-from agents.mixture import COARSEST, FINEST, Mixture, MixturePolicy
-from agents.vec_env import ObstacleFieldVecEnv
+from agents.models import loading, networks, torch_model
+from agents.models.mixture import COARSEST, FINEST, Mixture, MixturePolicy
+from agents.models.model_card import Card
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 COMPONENTS, SIZE = 3, 4
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 4}
@@ -159,8 +159,8 @@ def test_policies_are_made_of_json_and_ppo_learns_with_them(tmp_path: Path) -> N
     assert any(not torch.equal(a, b) for a, b in zip(before, after, strict=True))
 
     # another instance takes the weights, from disk or by hand, and thinks the same
-    torch_models.save(tmp_path, model, card)
-    loaded, other, seen = torch_models.load(tmp_path).policy, learner(card, seed=1), observations()
+    torch_model.save(tmp_path, model, card)
+    loaded, other, seen = torch_model.load(tmp_path).policy, learner(card, seed=1), observations()
     other.policy.load_state_dict(model.policy.state_dict())
     model.policy.set_training_mode(False)
     with torch.no_grad():
@@ -181,9 +181,9 @@ def test_the_library_s_own_copy_of_a_policy_is_the_same(tmp_path: Path) -> None:
 
 
 def test_other_numbers_of_components_are_not_loaded(tmp_path: Path) -> None:
-    torch_models.save(tmp_path, learner(card_of(3)), card_of(4))
+    torch_model.save(tmp_path, learner(card_of(3)), card_of(4))
     with pytest.raises(ValueError, match="its weights are not those of the network"):
-        models.load(tmp_path)
+        loading.load(tmp_path)
 
 
 @pytest.mark.parametrize("algorithm", ["sac", "td3", "tqc"])
@@ -196,4 +196,4 @@ def test_algorithms_that_take_no_mixture_say_so(algorithm: str) -> None:
 @pytest.mark.parametrize("components", [0, -1, 1.5])
 def test_numbers_of_components_that_are_none_are_refused(components: Any) -> None:
     with pytest.raises(ValueError, match="components must be a whole number from 1 on, got"):
-        torch_models.build(card_of(components))
+        torch_model.build(card_of(components))

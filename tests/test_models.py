@@ -16,9 +16,9 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents import models
-from agents.batched import fly_batch
-from agents.command_line import main
+from agents.cli.main import main
+from agents.flights.batched import fly_batch
+from agents.models import loading
 from ferguson_gym.world.field_names import select
 from tests.small_models import DISCS, saved
 
@@ -41,7 +41,7 @@ def copy(model: Path, tmp_path: Path) -> Path:
 PROGRAM = """
 import sys
 import numpy as np
-from agents.flights import fly_by_name
+from agents.flights.flight import fly_by_name
 from ferguson_gym.world.field_names import select
 flights = [fly_by_name(sys.argv[1], field, 0) for field in select(sys.argv[2])]
 np.save(sys.argv[3], np.concatenate([flight.control for flight in flights]))
@@ -49,7 +49,7 @@ np.save(sys.argv[3], np.concatenate([flight.control for flight in flights]))
 
 
 def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Path) -> None:
-    flown = fly_batch(models.load(model), select(FIELDS))
+    flown = fly_batch(loading.load(model), select(FIELDS))
     subprocess.run(
         [sys.executable, "-c", PROGRAM, model, FIELDS, tmp_path / "control.npy"],
         check=True,
@@ -62,7 +62,7 @@ def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Pa
 
 def refusal(place: Path, match: str) -> None:
     with pytest.raises(ValueError, match=match):
-        models.load(place)
+        loading.load(place)
 
 
 def rewrite(copy: Path, **entries: object) -> None:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.ompl_log import STATUSES, write
-from agents.planner_runs import Run, measure, run
+from agents.benchmarks.planners.ompl_log import STATUSES, write
+from agents.benchmarks.planners.runs import Run, measure, run
 from ferguson_gym.world.field_names import one
 from planners.interface import Route, depart
 from planners.registry import PLANNERS

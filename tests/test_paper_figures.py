@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation import evaluate
+from agents.evaluation.run import evaluate
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.paper_fields import TABLE_I
 

@@ -10,11 +10,11 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from agents import planner_pictures
-from agents.command_line import main
-from agents.planner_bench import COLUMNS, statistics
-from agents.planner_pictures import LEAST_GAP, draw, median_progress
-from agents.planner_runs import FALSE_SUCCESS, Run, certified, measure, run, runs
+from agents.benchmarks.planners import plots
+from agents.benchmarks.planners.bench import COLUMNS, statistics
+from agents.benchmarks.planners.plots import LEAST_GAP, draw, median_progress
+from agents.benchmarks.planners.runs import FALSE_SUCCESS, Run, certified, measure, run, runs
+from agents.cli.main import main
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
@@ -258,7 +258,7 @@ def test_the_benchmarks_own_test_of_a_path() -> None:
 def test_a_path_shorter_than_the_shortest_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
     plan = make("shortest").plan(FIELD, depart(FIELD), 0)
     assert measure("shortest", FIELD, 0, plan, 1.0).success
-    monkeypatch.setattr("agents.planner_runs.exact_length", lambda field: 200.0)
+    monkeypatch.setattr("agents.benchmarks.planners.runs.exact_length", lambda field: 200.0)
     assert measure("shortest", FIELD, 0, plan, 1.0).status == FALSE_SUCCESS
 
 
@@ -360,5 +360,5 @@ def test_what_was_finished_is_kept_when_a_planner_is_at_fault(
 
 def test_every_planner_of_the_catalog_has_a_colour_and_a_marker_of_its_own() -> None:
     ours = [make for make in PLANNERS.values() if make.__module__.startswith("planners.")]
-    for looks in (planner_pictures._COLOURS, planner_pictures._MARKERS):
+    for looks in (plots._COLOURS, plots._MARKERS):
         assert len(set(looks)) == len(looks) >= len(ours) >= 13

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from agents.flights import Flight, fly
-from agents.planner_policies import Replanning, Tracking, expert
-from agents.policies import make_policy
+from agents.flights.flight import Flight, fly
+from agents.policies.planner_policies import Replanning, Tracking, expert
+from agents.policies.registry import make_policy
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from agents.activations import ACTIVATIONS, exponential
-from agents.products import PANEL, ROWS, add_product, affine, pack, pad
+from agents.models.inference.activations import ACTIVATIONS, exponential
+from agents.models.inference.matmul import PANEL, ROWS, add_product, affine, pack, pad
 
 Single = NDArray[np.float32]
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from agents.command_line import main
-from agents.policies import make_planner, make_policy
-from agents.proposals import Proposals
+from agents.cli.main import main
+from agents.policies.policy_proposals import Proposals
+from agents.policies.registry import make_planner, make_policy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible

@@ -60,7 +60,7 @@ def test_names_that_are_not_there_are_found_out() -> None:
     for name in (
         "planners.whole_path.polish.polish",
         "ferguson_gym.world.field.Field.departure",
-        "agents.gif",
+        "agents.plots.animation.gif",
     ):
         assert has(name), name
     for name in (

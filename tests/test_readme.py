@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.command_line import main
+from agents.cli.main import main
 from tests.documents import README, ROOT, Block, blocks, commands_of, reduced
 
 TEXT = README.read_text(encoding="utf-8")

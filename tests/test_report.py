@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents import report
-from agents.comparison_picture import COLOURS
-from agents.report import page, write_report
-from agents.report_flights import draw_chain, draw_shortest
-from agents.statistics import summarise
+from agents.evaluation.report import page as report
+from agents.evaluation.report.flight_browser import draw_chain, draw_shortest
+from agents.evaluation.report.page import page, write_report
+from agents.evaluation.statistics import summarise
+from agents.plots.policy_comparison import COLOURS
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.field import Field

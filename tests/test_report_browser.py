@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from agents.report import write_report
+from agents.evaluation.report.page import write_report
 from tests.written_results import HOSTILE, write_results, write_three
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")

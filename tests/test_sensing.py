@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.flights import fly
-from agents.policies import make_policy
+from agents.flights.flight import fly
+from agents.policies.registry import make_policy
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from agents import shelf
-from agents.cards import Card
-from agents.policies import make_policy
+from agents.models import shipped_agents
+from agents.models.model_card import Card
+from agents.policies.registry import make_policy
 
 
 def agent(directory: Path) -> Path:
@@ -23,7 +23,7 @@ def agent(directory: Path) -> Path:
 
 @pytest.fixture
 def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(shelf, "SHIPPED", tmp_path / "shipped")
+    monkeypatch.setattr(shipped_agents, "SHIPPED", tmp_path / "shipped")
     monkeypatch.chdir(tmp_path)
     for name in ("ace", "rookie"):
         agent(tmp_path / "shipped" / name)
@@ -39,22 +39,22 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.usefixtures("installed")
 def test_shipped_agents_have_names_and_best_is_one_of_them(shipped: Path) -> None:
-    assert shelf.shipped() == {
+    assert shipped_agents.shipped() == {
         "ace": shipped / "ace",
         "rookie": shipped / "rookie",
         "best": shipped / "ace",
     }
-    assert shelf.find("best") == shelf.find("ace") == shipped / "ace"
-    assert shelf.find("nobody") is None
+    assert shipped_agents.find("best") == shipped_agents.find("ace") == shipped / "ace"
+    assert shipped_agents.find("nobody") is None
 
 
 def test_best_means_an_agent_with_its_options(shipped: Path) -> None:
     (shipped / "best.json").write_text(json.dumps({"best": "ace+tries=8"}))
-    assert shelf.meant("best") == "ace+tries=8"
-    assert shelf.meant("best+shield") == "ace+tries=8+shield"
-    assert shelf.meant("best+tries=3") == "ace+tries=3"
-    assert shelf.meant("rookie+tries=3") == "rookie+tries=3"
-    assert shelf.shipped()["best"] == shipped / "ace"
+    assert shipped_agents.meant("best") == "ace+tries=8"
+    assert shipped_agents.meant("best+shield") == "ace+tries=8+shield"
+    assert shipped_agents.meant("best+tries=3") == "ace+tries=3"
+    assert shipped_agents.meant("rookie+tries=3") == "rookie+tries=3"
+    assert shipped_agents.shipped()["best"] == shipped / "ace"
 
 
 @pytest.mark.parametrize("content", [b"", b"\xff", b"[]", b"3", b'{"best": null}', b'{"ace": 1}'])
@@ -68,13 +68,13 @@ def test_a_damaged_word_on_the_best_is_told(shipped: Path, content: bytes) -> No
 def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: Path) -> None:
     place = agent(tmp_path / "runs/ppo")
     for given in ("runs/ppo", "runs/ppo/", "runs/ppo/model.zip", str(place)):
-        found = shelf.find(given)
+        found = shipped_agents.find(given)
         assert found is not None
         assert found.resolve() == place
     (place / "model.json").unlink()
-    assert shelf.find("runs/ppo") is not None  # what is missing is said when it is loaded
+    assert shipped_agents.find("runs/ppo") is not None  # what is missing is said when it is loaded
     for given in ("runs", "runs/nothing", "", "\x00", "x" * 5000):
-        assert shelf.find(given) is None
+        assert shipped_agents.find(given) is None
 
 
 def test_what_agents_need_is_said_where_it_is_missing(
@@ -95,15 +95,15 @@ def test_an_unknown_policy_is_told_who_there_is() -> None:
 
 
 def test_what_is_shipped_is_whole() -> None:
-    for name, directory in shelf.shipped().items():
+    for name, directory in shipped_agents.shipped().items():
         assert (directory / "model.zip").is_file(), name
         assert (directory / "model.json").is_file(), name
 
 
 def test_planners_fly_without_what_agents_need() -> None:
     program = (
-        "import sys; from agents.command_line import _parser; from agents import evaluation; "
-        "from agents.policies import make_policy; _parser(); make_policy('guided'); "
+        "import sys; from agents.cli.main import _parser; from agents import evaluation; "
+        "from agents.policies.registry import make_policy; _parser(); make_policy('guided'); "
         "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
     )
     root = Path(__file__).parent.parent

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from agents import summaries
-from agents.flights import Flight, fly, fly_by_name
-from agents.hands import Hand, share_handed_over
-from agents.policies import make_policy
-from agents.policy_interface import Policy
-from agents.shield import PATIENCE, Shield
-from agents.statistics_tables import shields
+from agents.evaluation import summary
+from agents.evaluation.tables import shields
+from agents.flights.flight import Flight, fly, fly_by_name
+from agents.policies.interface import Policy
+from agents.policies.registry import make_policy
+from agents.policies.shield import PATIENCE, Shield
+from agents.policies.shield_decisions import Hand, share_handed_over
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.world import transition
@@ -152,13 +152,13 @@ def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
 
 def test_what_happened_is_told_in_a_table() -> None:
     flown = [shielded(Always(*CIRCLING), OPEN), fly_by_name("guided", OPEN, 0)]
-    told = summaries.shields(flown)
+    told = summary.shields(flown)
     assert told[0]["steps"] == len(flown[0].hands)
     table = shields(told)
     assert table is not None
     assert table.row_count == 1
     assert "loitering" in next(iter(table.columns[-1].cells))
-    assert shields(summaries.shields(flown[1:])) is None
+    assert shields(summary.shields(flown[1:])) is None
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.command_line import main
-from agents.solver_bench import Solved, excess, take_windows
+from agents.benchmarks.solvers import Solved, excess, take_windows
+from agents.cli.main import main
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.limits import PAPER_LIMITS

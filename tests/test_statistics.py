@@ -12,12 +12,11 @@ import pytest
 from rich.console import Console
 from scipy.stats import trim_mean
 
-from agents import resampling, statistics_tables
-from agents.flight_table import FlightTable, read
-from agents.metrics import success_interval
-from agents.resampling import percentiles, resampled_means, resampled_quartile_means
-from agents.results import TIMING_COLUMNS
-from agents.statistics import (
+from agents.evaluation import bootstrap, tables
+from agents.evaluation.bootstrap import percentiles, resampled_means, resampled_quartile_means
+from agents.evaluation.flight_table import FlightTable, read
+from agents.evaluation.results import TIMING_COLUMNS
+from agents.evaluation.statistics import (
     caution,
     holm,
     improvement,
@@ -28,6 +27,7 @@ from agents.statistics import (
     summarise,
     summary,
 )
+from agents.flights.metrics import success_interval
 from tests.written_results import EXACT, write_results
 
 
@@ -75,8 +75,8 @@ def test_a_comparison_on_few_fields_warns_its_readers() -> None:
 
 def test_flights_without_a_shortest_path_are_told() -> None:
     known, unknown = {"flights": 4, "gap_flights": 4}, {"flights": 4, "gap_flights": 3}
-    assert not list(statistics_tables.without_gap({"policies": [known, known]}))
-    (told,) = statistics_tables.without_gap({"policies": [unknown, unknown]})
+    assert not list(tables.without_gap({"policies": [known, known]}))
+    (told,) = tables.without_gap({"policies": [unknown, unknown]})
     assert told.startswith("no shortest path is known for 2 flights: ")
 
 
@@ -111,14 +111,14 @@ def test_the_interquartile_mean_leaves_out_a_quarter_at_both_ends(number: int) -
 def test_resampled_statistics_are_those_of_repeated_flights(
     seeds: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(resampling, "RESAMPLES", 20)
+    monkeypatch.setattr(bootstrap, "RESAMPLES", 20)
     rng = np.random.default_rng(0)
     values = rng.random((2, 13, seeds))
     values[1, 3:6] = math.inf
     values[1, 7, 0] = math.nan
     draws = [
         (by_field, by_seed)
-        for portion in resampling.draws(13, seeds, 5)
+        for portion in bootstrap.draws(13, seeds, 5)
         for by_field, by_seed in zip(*portion, strict=True)
     ]
     assert len(draws) == 20
@@ -135,9 +135,9 @@ def test_resampled_statistics_are_those_of_repeated_flights(
 
 
 def test_draws_in_small_portions_cover_the_same_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(resampling, "_AT_ONCE", 64)
+    monkeypatch.setattr(bootstrap, "_AT_ONCE", 64)
     values = np.random.default_rng(0).random((3, 50, 1))
-    assert resampled_means(values, 0).shape == (resampling.RESAMPLES, 3)
+    assert resampled_means(values, 0).shape == (bootstrap.RESAMPLES, 3)
 
 
 def test_the_bootstrap_of_a_mean_is_as_wide_as_theory_says() -> None:
@@ -289,8 +289,8 @@ def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -
     )
     found = summarise(tmp_path)
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(statistics_tables.policies(found))
-    console.print(statistics_tables.against_the_best(found))
+    console.print(tables.policies(found))
+    console.print(tables.against_the_best(found))
     text = console.export_text().replace("\N{EN DASH}", "-")
     lines = [line.strip() for line in text.splitlines()]
     shown = [line for line in lines if line.startswith(("good ", "[red]late"))]
@@ -303,4 +303,4 @@ def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -
     assert "10 : 0" in shown[3]
     assert "100.0 (100.0-100.0)" in shown[3]
     write_results(tmp_path, {"alone": {"f": [150.0]}})
-    assert statistics_tables.against_the_best(summarise(tmp_path)) is None
+    assert tables.against_the_best(summarise(tmp_path)) is None

@@ -9,7 +9,7 @@ pytest.importorskip("torch")
 
 import torch
 
-from agents.symmetry import mirrored
+from agents.training.imitation.mirror import mirrored
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.observe import observe

@@ -15,14 +15,15 @@ import numba
 import pytest
 from rich.console import Console
 
-from agents import compiling, terminal
-from agents.command_line import _parser, main
-from agents.statistics import summarise
-from agents.statistics_tables import of_summary
-from agents.terminal import Terminal
+from agents.cli import compile_notice
+from agents.cli.main import _parser, main
+from agents.evaluation.statistics import summarise
+from agents.evaluation.tables import of_summary
+from agents.runtime import terminal
+from agents.runtime.terminal import Terminal
 from tests.written_results import write_results
 
-PROGRAM = [sys.executable, "-m", "agents.command_line"]
+PROGRAM = [sys.executable, "-m", "agents.cli.main"]
 PLAN = ["plan", "paper:1", "--planner", "guided"]
 
 
@@ -136,7 +137,7 @@ def test_a_bar_that_waits_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_first_compilation_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with compiling.told(Terminal()):
+    with compile_notice.told(Terminal()):
         for number in (1.0, 2):
             numba.njit(lambda x: x)(number)
     assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"

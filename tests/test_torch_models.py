@@ -12,10 +12,10 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents import models, torch_models, weights
-from agents.batched import fly_batch
-from agents.forward import Forward
-from agents.torch_models import BLOCK, Learned, TorchNetwork, one_thread
+from agents.flights.batched import fly_batch
+from agents.models import loading, torch_model, weights
+from agents.models.inference.forward import Forward
+from agents.models.torch_model import BLOCK, Learned, TorchNetwork, one_thread
 from ferguson_gym.runtime.arrays import GenericArray
 from ferguson_gym.world.field_names import select
 from tests.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
@@ -78,8 +78,8 @@ def test_what_is_loaded_is_what_was_saved_and_the_library_reads_it_too(
     card = dataclasses.replace(
         card_of(algorithm, DISCS), seed=3, commit="c0ffee", curve=[{"steps": 1}], results={"a": 0.5}
     )
-    loaded = torch_models.load(saved(tmp_path, card) / "model.zip")
-    assert loaded.card == card == models.load(tmp_path).card
+    loaded = torch_model.load(saved(tmp_path, card) / "model.zip")
+    assert loaded.card == card == loading.load(tmp_path).card
     kept = ALGORITHMS[algorithm].load(tmp_path / "model.zip", device="cpu").policy
     for one, other in zip(loaded.policy.parameters(), kept.parameters(), strict=True):
         assert torch.equal(one, other)
@@ -98,12 +98,12 @@ def without_arrays(directory: Path) -> None:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_path: Path) -> None:
     saved(tmp_path, card_of(algorithm, RAYS))
-    assert models.needs_torch(tmp_path) is (algorithm != "ppo")
-    before = models.load(tmp_path)
+    assert loading.needs_torch(tmp_path) is (algorithm != "ppo")
+    before = loading.load(tmp_path)
     without_arrays(tmp_path)
     assert weights.names(tmp_path / "model.zip") == []
-    assert models.needs_torch(tmp_path)
-    after = models.load(tmp_path)
+    assert loading.needs_torch(tmp_path)
+    after = loading.load(tmp_path)
     assert isinstance(after.network, Forward) == (algorithm == "ppo")
     fields = list(select(FIELDS))
     for one, other in zip(fly_batch(before, fields), fly_batch(after, fields), strict=True):
@@ -113,19 +113,19 @@ def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_p
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_a_slim_copy_flies_the_same_and_can_be_trained_on(algorithm: str, tmp_path: Path) -> None:
     whole = saved(tmp_path / "whole", card_of(algorithm, RAYS))
-    torch_models.slim(whole, tmp_path / "slim")
+    torch_model.slim(whole, tmp_path / "slim")
     size, before = ((place / "model.zip").stat().st_size for place in (tmp_path / "slim", whole))
     assert size < 0.6 * before
     with zipfile.ZipFile(tmp_path / "slim" / "model.zip") as archive:
         assert all(name.endswith(".npy") for name in archive.namelist())
-    flown = [fly_batch(models.load(tmp_path / name), select(FIELDS)) for name in ("whole", "slim")]
+    flown = [fly_batch(loading.load(tmp_path / name), select(FIELDS)) for name in ("whole", "slim")]
     for mine, theirs in zip(*flown, strict=True):
         np.testing.assert_array_equal(mine.control, theirs.control)
-    one, other = (torch_models.load(tmp_path / name).policy for name in ("whole", "slim"))
+    one, other = (torch_model.load(tmp_path / name).policy for name in ("whole", "slim"))
     for key, value in one.state_dict().items():
         assert torch.equal(value, other.state_dict()[key])
     # equal models are equal files
-    torch_models.slim(tmp_path / "slim", tmp_path / "again")
+    torch_model.slim(tmp_path / "slim", tmp_path / "again")
     read = [(tmp_path / name / "model.zip").read_bytes() for name in ("slim", "again")]
     assert read[0] == read[1]
 
@@ -150,7 +150,7 @@ def test_what_flies_does_not_change_when_training_goes_on() -> None:
 
 def test_pickled_weights_that_are_none_are_refused(tmp_path: Path) -> None:
     saved(tmp_path)
-    good = torch_models.load(tmp_path).policy.state_dict()
+    good = torch_model.load(tmp_path).policy.state_dict()
     for given, match in (
         ([1.0], "does not hold weights"),
         ({"a": torch.zeros(2)}, "not those of the network that model.json describes"),
@@ -161,4 +161,4 @@ def test_pickled_weights_that_are_none_are_refused(tmp_path: Path) -> None:
         with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
             archive.writestr("policy.pth", packed.getvalue())
         with pytest.raises(ValueError, match=match):
-            models.load(tmp_path)
+            loading.load(tmp_path)

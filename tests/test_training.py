@@ -15,13 +15,15 @@ pytest.importorskip("yaml")
 
 import yaml
 
-from agents import models, training_checkpoint, training_demos
-from agents.batched import fly_batch, score
-from agents.command_line import main
-from agents.training import ALGORITHMS, Run
-from agents.training_pace import Falling, Pace, stop_on_interrupt
-from agents.training_recipe import SHIPPED, read
-from agents.training_record import Record
+from agents.cli.main import main
+from agents.flights.batched import fly_batch, score
+from agents.models import loading
+from agents.training import checkpoint as training_checkpoint
+from agents.training.budget import Falling, Pace, stop_on_interrupt
+from agents.training.hyperparameters import SHIPPED, read
+from agents.training.imitation import demonstration_data
+from agents.training.learning_curve import Record
+from agents.training.run import ALGORITHMS, Run
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.field_names import select
 from tests.fuzz.test_files import unfinished_training
@@ -101,7 +103,7 @@ def test_a_training_leaves_a_model_its_card_and_its_curve(
     names = {"model.zip", "model.json", "run.json", "curve.csv", "best", "tensorboard"}
     assert {path.name for path in out.iterdir()} == names
     assert list((out / "tensorboard").glob("events.*"))
-    model = models.load(out)
+    model = loading.load(out)
     card = model.card
     assert (card.algorithm, card.seed, card.policy) == (algorithm, 3, "mlp")
     assert card.environment == TINY["env_kwargs"]
@@ -186,7 +188,7 @@ def test_an_interrupted_training_goes_on(
     assert after[:3] == before
     assert int(after[-1]["steps"]) >= 96
     assert not (out / "checkpoint").exists()
-    assert models.load(out).card.curve[-1]["steps"] >= 96
+    assert loading.load(out).card.curve[-1]["steps"] >= 96
 
 
 def test_a_checkpoint_gives_back_what_was_trained(
@@ -279,7 +281,7 @@ def test_a_training_begins_with_another_model(command: Command, tmp_path: Path) 
     start = saved(tmp_path / "start", seed=7)  # 9 rays, 24 x 24
     # nothing is learned, so the weights stay
     assert main(command("ppo", "--from", str(start / "model.zip"), learning_rate=0.0)) == 0
-    card = models.load(tmp_path / "out").card
+    card = loading.load(tmp_path / "out").card
     assert card.environment == {**TINY["env_kwargs"], "rays": 9}
     assert card.policy_kwargs["net_arch"] == [24, 24]
     assert same(weights_of(start), weights_of(tmp_path / "out"))
@@ -302,19 +304,19 @@ def test_an_off_policy_training_begins_with_demonstrations(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flights = straight_flights(tmp_path)
-    monkeypatch.setattr(training_demos, "read", {"far/away-v0": flights}.__getitem__)
+    monkeypatch.setattr(demonstration_data, "read", {"far/away-v0": flights}.__getitem__)
     filled = []
-    fill = training_demos.fill
+    fill = demonstration_data.fill
 
     def watched(buffer: Any, *others: Any) -> int:
         filled.append((fill(buffer, *others), buffer.pos, buffer.rewards.max()))
         return int(filled[0][0])
 
-    monkeypatch.setattr(training_demos, "fill", watched)
+    monkeypatch.setattr(demonstration_data, "fill", watched)
     assert main(command("sac", "--demos", "far/away-v0")) == 0
     assert filled[0][:2] == (12, 3)  # rows of four environments
     assert filled[0][2] > 0.0
-    assert models.load(tmp_path / "out").card.settings["demos"] == "far/away-v0"
+    assert loading.load(tmp_path / "out").card.settings["demos"] == "far/away-v0"
     # more than there is room for is refused before anything is removed
     assert main(command("sac", "--demos", "far/away-v0", "--fresh", buffer_size=8)) == 2
     assert (tmp_path / "out/model.zip").exists()
@@ -404,7 +406,7 @@ def test_shipped_hyperparameters_are_taken(
         recipe=recipe,
         demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
     )
-    monkeypatch.setattr(training_demos, "read", lambda _: straight_flights(tmp_path))
+    monkeypatch.setattr(demonstration_data, "read", lambda _: straight_flights(tmp_path))
     algorithm.trainer().prepare(run)
     assert not (tmp_path / "out").exists()
     json.dumps(run.configuration())

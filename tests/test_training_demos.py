@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 
 from stable_baselines3.common.buffers import DictReplayBuffer
 
-from agents.training_demos import fill, transitions
+from agents.training.imitation.demonstration_data import fill, transitions
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.spaces import action_space, observation_space

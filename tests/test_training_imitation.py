@@ -21,13 +21,14 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents import models, training_demos, visits
-from agents.arguments import GOES_ON
-from agents.batched import fly_batch, score
-from agents.cloning import Cloner
-from agents.command_line import main
-from agents.lessons import COLUMNS, Lessons
-from agents.training_record import Record
+from agents.cli.arguments import GOES_ON
+from agents.cli.main import main
+from agents.flights.batched import fly_batch, score
+from agents.models import loading
+from agents.training.imitation import dagger_rollouts, demonstration_data
+from agents.training.imitation.behavior_cloning import Cloner
+from agents.training.imitation.dataset import COLUMNS, Lessons
+from agents.training.learning_curve import Record
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field_names import select
@@ -94,7 +95,7 @@ class Flights:
 def demos(monkeypatch: pytest.MonkeyPatch) -> Flights:
     flights = Flights(4)
     kept = {"some/pursuit-v0": flights, "some/none-v0": Flights(0)}
-    monkeypatch.setattr(training_demos, "read", kept.__getitem__)
+    monkeypatch.setattr(demonstration_data, "read", kept.__getitem__)
     return flights
 
 
@@ -111,7 +112,7 @@ def test_dagger_leaves_a_model_its_card_and_its_curve(
     out = tmp_path / "out"
     names = {"model.zip", "model.json", "run.json", "curve.csv", "best", "tensorboard"}
     assert {path.name for path in out.iterdir()} == names
-    model = models.load(out)
+    model = loading.load(out)
     card = model.card
     assert (card.algorithm, card.policy, card.seed) == ("dagger", "deepsets-mixture", 3)
     assert card.environment == TINY["env_kwargs"]
@@ -194,7 +195,7 @@ def press_in_update(patch: pytest.MonkeyPatch, number: int) -> None:
 
 def press_in_flights(patch: pytest.MonkeyPatch, number: int) -> None:
     """Ctrl-C during a share of flights, counted from 1."""
-    visit, done = visits.visit, []
+    visit, done = dagger_rollouts.visit, []
 
     def interrupted(*asked: Any) -> Any:
         done.append(visit(*asked))
@@ -202,7 +203,7 @@ def press_in_flights(patch: pytest.MonkeyPatch, number: int) -> None:
             signal.raise_signal(signal.SIGINT)
         return done[-1]
 
-    patch.setattr(visits, "visit", interrupted)
+    patch.setattr(dagger_rollouts, "visit", interrupted)
 
 
 PRESSES: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
@@ -301,7 +302,7 @@ def test_bc_learns_from_demonstrations_and_dagger_goes_on_from_there(
         assert main(line) == 0
     out = tmp_path / "out"
     assert np.mean(costs[-20:]) < np.mean(costs[:20]) - 1.0
-    card = models.load(out).card
+    card = loading.load(out).card
     assert card.settings["demos"] == "some/pursuit-v0"
     assert [row["steps"] for row in card.curve] == [640, 1280, 1920]
 
@@ -312,7 +313,7 @@ def test_bc_learns_from_demonstrations_and_dagger_goes_on_from_there(
     assert main(command("dagger", *begun, **more)) == 0
     for one, other in zip(weights_of(out), weights_of(tmp_path / "cloned"), strict=True):
         torch.testing.assert_close(one, other, atol=1e-6, rtol=1e-5)
-    card = models.load(out).card
+    card = loading.load(out).card
     assert (card.algorithm, card.policy_kwargs) == ("dagger", TINY["policy_kwargs"])
     # and PPO goes on with either
     ppo = {"n_steps": 4, "batch_size": 4, "n_epochs": 1, "n_envs": 2, "n_timesteps": 16}
@@ -321,7 +322,7 @@ def test_bc_learns_from_demonstrations_and_dagger_goes_on_from_there(
     line = ["train", "ppo", "--config", str(tmp_path / "ppo.yml"), "--from", str(out)]
     fields = ["--choose-on", CHOSEN, "--report-on", REPORTED]
     assert main([*line, *fields, "--out", str(tmp_path / "refined")]) == 0
-    assert models.load(tmp_path / "refined").card.policy == "deepsets-mixture"
+    assert loading.load(tmp_path / "refined").card.policy == "deepsets-mixture"
 
 
 @pytest.mark.slow
@@ -330,14 +331,14 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
     program = (
         "import sys, numpy\n"
         "from agents import models\n"
-        "from agents.batched import fly_batch\n"
+        "from agents.flights.batched import fly_batch\n"
         "from ferguson_gym.world.field_names import select\n"
         "flights = fly_batch(models.load(sys.argv[1]), select(sys.argv[2]))\n"
         "numpy.save(sys.argv[3], numpy.concatenate([flight.control for flight in flights]))\n"
     )
     arguments = [str(tmp_path / "out"), "sparse/test:0-3", str(tmp_path / "there.npy")]
     subprocess.run([sys.executable, "-c", program, *arguments], check=True)
-    here = fly_batch(models.load(tmp_path / "out"), select("sparse/test:0-3"))
+    here = fly_batch(loading.load(tmp_path / "out"), select("sparse/test:0-3"))
     control = np.concatenate([flight.control for flight in here])
     assert len(control) > 4
     np.testing.assert_array_equal(np.load(tmp_path / "there.npy"), control)
@@ -350,7 +351,7 @@ def test_ctrl_c_on_a_terminal_stops_workers_quietly(
 ) -> None:
     line = command("dagger", "--workers", "2", n_envs=60, first=8, updates=400, n_timesteps=10**7)
     training = subprocess.Popen(
-        [sys.executable, "-m", "agents.command_line", *line],
+        [sys.executable, "-m", "agents.cli.main", *line],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -16,7 +16,7 @@ pytest.importorskip("stable_baselines3")
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
-from agents.vec_env import ObstacleFieldVecEnv
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 NUMBER = 4
 ARGUMENTS: dict[str, Any] = {

@@ -10,7 +10,7 @@ pytest.importorskip("torch")
 
 import torch
 
-from agents.violation import CLEARANCE, _decoded, speed_of, violation
+from agents.training.imitation.violation_penalty import CLEARANCE, _decoded, speed_of, violation
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import Settings

@@ -10,12 +10,12 @@ pytest.importorskip("sb3_contrib")
 import torch
 from joblib import Parallel, delayed
 
-from agents import torch_models
-from agents.cards import Card
-from agents.forward import Forward
-from agents.lessons import COLUMNS
-from agents.torch_models import Learned
-from agents.visits import Visit, somewhere, visit
+from agents.models import torch_model
+from agents.models.inference.forward import Forward
+from agents.models.model_card import Card
+from agents.models.torch_model import Learned
+from agents.training.imitation.dagger_rollouts import Visit, somewhere, visit
+from agents.training.imitation.dataset import COLUMNS
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import settings_of
@@ -39,7 +39,7 @@ SEEDS = range(30, 34)
 
 def weights(seed: int = 0) -> dict[str, Any]:
     torch.manual_seed(seed)
-    return torch_models.build(CARD).state_dict()
+    return torch_model.build(CARD).state_dict()
 
 
 def asked(**changes: Any) -> Visit:
@@ -90,7 +90,7 @@ def test_the_same_visit_in_another_process_gives_the_same_rows() -> None:
 
 def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
     found = visit(asked(scattered=0.0))
-    policy, planner = torch_models.build(CARD), make("pursuit")
+    policy, planner = torch_model.build(CARD), make("pursuit")
     assert isinstance(planner, Replanner)
     policy.load_state_dict(weights())
     network = Learned(policy, CARD).model.network
@@ -153,7 +153,7 @@ class _Lost:
 def test_where_the_expert_knows_nothing_there_is_no_lesson_and_a_refusal_ends_the_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("agents.visits._expert", lambda name: _Lost())
+    monkeypatch.setattr("agents.training.imitation.dagger_rollouts._expert", lambda name: _Lost())
     found = visit(asked(scattered=0.0))
     assert found.rows.shape == (0, COLUMNS)
     assert found.steps >= len(SEEDS)

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from numpy.lib import format as npy
 
-from agents import weights
-from agents.weights import MOST, entry
+from agents.models import weights
+from agents.models.weights import MOST, entry
 
 SHAPES = {"first.weight": (5, 3), "first.bias": (5,), "spread": ()}
 

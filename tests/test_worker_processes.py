@@ -11,10 +11,12 @@ from typing import Any
 import pytest
 from joblib import delayed
 
-from agents import demonstrations_work, evaluation_chunks, evaluation_timing, planner_runs
-from agents.command_line import main
-from agents.evaluation_work import WORK
-from agents.worker_processes import spread
+from agents.benchmarks.planners import runs
+from agents.cli.main import main
+from agents.demonstrations import work
+from agents.evaluation import chunks, timing
+from agents.evaluation.work import WORK
+from agents.runtime.worker_processes import spread
 from tests.waiting import until
 
 TELL = "what is there is kept"
@@ -56,7 +58,7 @@ def test_demonstrations_stop_after_a_flight_and_go_on(
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     command = ["demos", "--expert", "guided", "--fields", "sparse/train:0-19", "--out", "some-v0"]
     with monkeypatch.context() as patch:
-        ended = press(demonstrations_work, "record", patch, at=14)
+        ended = press(work, "record", patch, at=14)
         assert main(command) == 130
     assert len(ended) == 15  # the flight came to its end
     assert capsys.readouterr().err == (
@@ -64,7 +66,7 @@ def test_demonstrations_stop_after_a_flight_and_go_on(
     )
     place = tmp_path / ".some-v0.part"
     assert sorted(path.name.split("-")[0] for path in place.iterdir()) == ["chunk", "request.json"]
-    flown = press(demonstrations_work, "record", monkeypatch, at=-1)
+    flown = press(work, "record", monkeypatch, at=-1)
     assert main([*command, "--json", "--quiet"]) == 0
     assert len(flown) == 10
     out, err = capsys.readouterr()
@@ -77,7 +79,7 @@ def test_demonstrations_stop_after_a_flight_and_go_on(
 def test_a_comparison_of_planners_stops_after_a_plan(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    ended = press(planner_runs, "run", monkeypatch, at=2)
+    ended = press(runs, "run", monkeypatch, at=2)
     command = ["bench", "planners", "--planner", "shortest", "--fields", "sparse/train:0-4"]
     assert main([*command, "--out", str(tmp_path)]) == 130
     assert len(ended) == 3
@@ -91,11 +93,11 @@ def test_an_evaluation_that_is_interrupted_while_it_times_has_only_that_to_do_ag
     command = ["evaluate", "--policy", "shortest", "--fields", "sparse/train:0-4", "-q"]
     command += ["--out", str(tmp_path)]
     with monkeypatch.context() as patch:
-        ended = press(evaluation_timing, "fly", patch, at=1)
+        ended = press(timing, "fly", patch, at=1)
         assert main(command) == 130
     assert len(ended) == 2  # the flight came to its end
     assert [path.name for path in tmp_path.iterdir()] == [WORK]
-    monkeypatch.setattr(evaluation_chunks, "fly_by_name", lambda *_: 1 / 0)
+    monkeypatch.setattr(chunks, "fly_by_name", lambda *_: 1 / 0)
     assert main(command) == 0
     assert (tmp_path / "summary.json").exists()
 
@@ -129,7 +131,7 @@ def test_commands_end_in_one_line_and_leave_nothing_running(
 ) -> None:
     pytest.importorskip({"demos": "minari", "dagger": "sb3_contrib"}.get(what, "joblib"))
     with subprocess.Popen(
-        [sys.executable, "-m", "agents.command_line", *COMMANDS[what].format(tmp_path).split()],
+        [sys.executable, "-m", "agents.cli.main", *COMMANDS[what].format(tmp_path).split()],
         env={**os.environ, "MINARI_DATASETS_PATH": str(tmp_path)},
         stderr=subprocess.PIPE,
         text=True,

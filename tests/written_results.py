@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from agents.results import FLIGHT_COLUMNS
+from agents.evaluation.results import FLIGHT_COLUMNS
 from ferguson_gym.runtime.arrays import Array
 
 EXACT = 140.0

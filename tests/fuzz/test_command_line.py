@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import strategies as st
 
-from agents.command_line import main
+from agents.cli.main import main
 from tests.fuzz.cases import fuzzed, note_refusal
 from tests.fuzz.strategies import damaged
 from tests.fuzz.test_fields import SAMPLE

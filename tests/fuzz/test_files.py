@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from agents import demonstrations_work, evaluation_work, flight_table, statistics
-from agents.backends import Backend
-from agents.evaluation import run
-from agents.evaluation_request import Request
-from agents.report import write_report
-from agents.training_recipe import read as read_recipe
+from agents.demonstrations import work as demonstrations_work
+from agents.evaluation import flight_table, statistics
+from agents.evaluation import work as evaluation_work
+from agents.evaluation.report.page import write_report
+from agents.evaluation.request import Request
+from agents.evaluation.run import run
+from agents.runtime.executors import Backend
+from agents.training.hyperparameters import read as read_recipe
 from ferguson_gym import ENVIRONMENT_ID
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.damage import Damage
@@ -191,7 +193,7 @@ def dataset(
 ) -> Iterator[tuple[str, Path]]:
     """A dataset of demonstrations."""
     pytest.importorskip("minari")
-    from agents.demonstrations_making import make
+    from agents.demonstrations.recording import make
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("MINARI_DATASETS_PATH", str(place / "datasets"))
@@ -205,7 +207,7 @@ def dataset(
 @pytest.mark.parametrize("file", ["metadata.json", "main_data.hdf5"])
 @pytest.mark.filterwarnings("ignore")
 def test_a_dataset_is_read_or_refused(dataset: tuple[str, Path], file: str) -> None:
-    from agents.demonstrations import read
+    from agents.demonstrations.reading import read
 
     name, where = dataset
 
@@ -231,7 +233,7 @@ def model(place: Path) -> Path:
 
 @pytest.mark.filterwarnings("ignore::UserWarning")  # of what a library finds outdated
 def test_a_model_is_loaded_or_refused(model: Path) -> None:
-    from agents.models import load
+    from agents.models.loading import load
 
     @fuzzed("files: model.json", few=3, many=3000, data=st.data())
     def cards(data: Any) -> None:
@@ -249,8 +251,8 @@ def test_a_model_is_loaded_or_refused(model: Path) -> None:
 
 def test_the_shelf_is_read_or_refused(model: Path, place: Path) -> None:
     """A shelf with one agent, whose best.json is damaged."""
-    from agents import shelf
-    from agents.policies import make_policy
+    from agents.models import shipped_agents
+    from agents.policies.registry import make_policy
 
     directory = place / "shelf"
     shutil.copytree(model, directory / "ace")
@@ -263,7 +265,7 @@ def test_the_shelf_is_read_or_refused(model: Path, place: Path) -> None:
             attempt(make_policy, "best")
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(shelf, "SHIPPED", directory)
+        patch.setattr(shipped_agents, "SHIPPED", directory)
         case()
 
 
@@ -292,8 +294,8 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
     """What prepares to go on with a training that was interrupted, and where that lies."""
     import yaml
 
-    from agents import training
-    from agents.training import ALGORITHMS, Run
+    from agents.training import run as training
+    from agents.training.run import ALGORITHMS, Run
     from tests.test_training import OF_ALGORITHM, TINY
 
     own: dict[str, Any] = {"updates": 2, "first": 8, "expert": "pursuit"}
@@ -314,7 +316,7 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
             return None
         return chosen.trainer().prepare(asked)
 
-    from agents.training_record import Record
+    from agents.training.learning_curve import Record
 
     with pytest.MonkeyPatch.context() as patch:
 

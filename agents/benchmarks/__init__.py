@@ -1,0 +1,1 @@
+"""Benchmarks of the environment, of planners and of solvers."""

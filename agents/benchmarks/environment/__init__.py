@@ -1,0 +1,1 @@
+"""Benchmark of the environment: steps per second beside Gymnasium's own."""

@@ -1,0 +1,241 @@
+"""`ferguson bench env`: steps per second, ours beside Gymnasium's CartPole, in one run.
+
+Rounds of short slices, one of each environment: what slows the machine for a while slows all.
+Ratios are taken within rounds.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from rich.progress import Progress
+from rich.table import Table
+
+from agents.benchmarks.environment import startup
+from agents.benchmarks.environment.drivers import DEVIATION, Entry, Slice
+from agents.runtime import provenance, terminal_tables
+from agents.runtime.terminal import Terminal
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.optional_dependencies import installing
+
+
+class Row(NamedTuple):
+    """An environment in the table, and how many are stepped together."""
+
+    environment: str
+    number: int
+
+    def __str__(self) -> str:
+        return self.environment if self.number == 1 else f"{self.environment} {self.number}"
+
+
+RATIOS = (
+    (Row("ObstacleField", 1), Row("CartPole-v1", 1)),
+    (Row("ObstacleField vector", 256), Row("CartPole-v1 vector", 256)),
+    (Row("ObstacleField vector", 2048), Row("CartPole-v1 vector", 2048)),
+    (Row("ObstacleField vector", 16), Row("ObstacleField SyncVectorEnv", 16)),
+    (Row("ObstacleField vector", 256), Row("ObstacleField SubprocVecEnv", 2)),
+)
+"""Whose steps per second are compared."""
+
+Slices = Mapping[Row, Sequence[Slice]]
+"""A slice for each round."""
+_NONE = "-"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What is asked for."""
+
+    observation: str
+    seconds: float
+    """Of a slice."""
+    rounds: int
+    seed: int
+    first_step: bool
+    """Also time a first step that has to compile."""
+
+
+def bench(entries: Sequence[Entry], request: Request, out: Path | None, terminal: Terminal) -> None:
+    """Measure; print the tables, write steps.csv and summary.json."""
+    present = [entry for entry in entries if not entry.missing]
+    missing = [Row(entry.name, entry.number) for entry in entries if entry.missing]
+    with terminal.still_bar() as progress:
+        slices = measure(present, request, progress)
+        progress.update(progress.task_ids[-1], description="fresh processes", refresh=True)
+        fresh = startup.measure(request.observation, request.first_step)
+    report = summary(slices, missing, fresh, request)
+    terminal.show_json(json.dumps(report))
+    for table in (speeds(report), ratios(report), starts(report)):
+        terminal.show(table, "")
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        write(slices, out / "steps.csv")
+        with written_whole(out / "summary.json") as temporary:
+            temporary.write_text(json.dumps(report, indent=2) + "\n")
+        terminal.note(f"wrote steps.csv, summary.json to {out}")
+
+
+def measure(entries: Sequence[Entry], request: Request, progress: Progress) -> Slices:
+    """Warm all up, then give each its slice in every round.
+
+    The bar is drawn between slices only: a thread that draws would be timed, too.
+    """
+    drivers = []
+    slices: dict[Row, list[Slice]] = {}
+    with ExitStack() as stack:
+        task = progress.add_task("", total=(1 + request.rounds) * len(entries))
+        for entry in entries:
+            row = Row(entry.name, entry.number)
+            progress.update(task, description=f"warming up: {row}", refresh=True)
+            rng = np.random.default_rng(request.seed)
+            driver = entry.driver(stack.enter_context(entry.make()), entry.actions(rng))
+            entry.warm_up(driver, rng)
+            driver.run(request.seconds)
+            drivers.append((row, driver))
+            slices[row] = []
+            progress.advance(task)
+        for k in range(request.rounds):
+            progress.update(task, description=f"round {k + 1} of {request.rounds}")
+            for row, driver in drivers:
+                progress.refresh()
+                slices[row].append(driver.run(request.seconds))
+                progress.advance(task)
+    return slices
+
+
+def speed(slices: Sequence[Slice]) -> Array:
+    """Steps per second, round by round."""
+    return np.array([one.steps / one.seconds for one in slices])
+
+
+def summary(
+    slices: Slices, missing: Sequence[Row], fresh: Mapping[str, float | None], request: Request
+) -> dict[str, Any]:
+    """All that the tables show, and where it was measured."""
+    environments = []
+    for row, measured in slices.items():
+        flights = sum(one.flights for one in measured)
+        environments.append(
+            {
+                **row._asdict(),
+                "steps_per_second": _spread(speed(measured)),
+                "steps_a_flight": sum(s.steps for s in measured) / flights if flights else None,
+            }
+        )
+    compared = [
+        {"of": of._asdict(), "to": to._asdict(), **_spread(speed(slices[of]) / speed(slices[to]))}
+        for of, to in RATIOS
+        if of in slices and to in slices
+    ]
+    return {
+        **asdict(request),
+        "environments": environments,
+        "not_installed": [row._asdict() for row in missing],
+        "ratios": compared,
+        "fresh_process": dict(fresh),
+        **provenance.facts("numpy", "numba", "gymnasium"),
+    }
+
+
+def _spread(rounds: Array) -> dict[str, float]:
+    return {
+        "median": float(np.median(rounds)),
+        "least": float(rounds.min()),
+        "greatest": float(rounds.max()),
+    }
+
+
+def write(slices: Slices, path: Path) -> None:
+    """A row for each slice."""
+    with written_whole(path) as temporary, temporary.open("w", newline="") as file:
+        writer = csv.writer(file)
+        writer.writerow([*Row._fields, "round", *Slice._fields])
+        for row, measured in slices.items():
+            for k, one in enumerate(measured):
+                writer.writerow([*row, k, *one])
+
+
+def speeds(report: Mapping[str, Any]) -> Table:
+    """A row for each environment."""
+    caption = (
+        f"medians of {report['rounds']} rounds of {report['seconds']:g} s, {report['threads']} "
+        "threads; spread: greatest less least, part of the median. Resets are timed; compilation, "
+        "the layout of fields and the drawing of actions are not. "
+        f"Actions: normal, deviation {DEVIATION:g}; left or right for CartPole."
+    )
+    if report["not_installed"]:
+        caption += f" What is not installed comes with {installing('agents')}."
+    rows = terminal_tables.empty_table(
+        f"Steps per second, observation {report['observation']}",
+        "environment",
+        "envs",
+        "steps/s",
+        "spread",
+        "step [µs]",
+        "steps/flight",
+        caption=caption,
+    )
+    for one in report["environments"]:
+        each, flight = one["steps_per_second"], one["steps_a_flight"]
+        rows.add_row(
+            one["environment"],
+            str(one["number"]),
+            f"{each['median']:,.0f}",
+            f"{100 * (each['greatest'] - each['least']) / each['median']:.0f} %",
+            f"{1e6 / each['median']:.2f}",
+            _NONE if flight is None else f"{flight:.1f}",
+        )
+    for row in report["not_installed"]:
+        rows.add_row(row["environment"], str(row["number"]), "not installed", *[_NONE] * 3)
+    return rows
+
+
+def ratios(report: Mapping[str, Any]) -> Table:
+    """A row for each comparison."""
+    rows = terminal_tables.empty_table(
+        "Ratios of steps per second",
+        "of : to",
+        "median",
+        "least",
+        "greatest",
+        caption="taken within rounds",
+    )
+    for one in report["ratios"]:
+        cells = (one[key] for key in ("median", "least", "greatest"))
+        rows.add_row(
+            f"{Row(**one['of'])} : {Row(**one['to'])}",
+            *(f"{cell:.{max(0, 2 - math.floor(math.log10(cell)))}f}" for cell in cells),
+        )
+    return rows
+
+
+def starts(report: Mapping[str, Any]) -> Table:
+    """What fresh processes took."""
+    fresh = report["fresh_process"]
+    rows = terminal_tables.empty_table(
+        "Fresh processes",
+        "what",
+        "took",
+        caption=f"times without the interpreter's own start; medians of {startup.STARTS}",
+    )
+    for what, key, scale, unit in (
+        ("import ferguson_gym", "import_seconds", 1.0, "s"),
+        ("import to first step", "first_step_seconds", 1.0, "s"),
+        ("import to first step, compiling (once)", "compile_seconds", 1.0, "s"),
+        ("memory of a process with one environment", "process_bytes", 2.0**20, "MiB"),
+        (f"memory that {startup.MANY} more add", "many_bytes", 2.0**20, "MiB"),
+    ):
+        if (value := fresh[key]) is not None:
+            digits = 2 if unit == "s" else 0
+            rows.add_row(what, f"{value / scale:.{digits}f} {unit}")
+    return rows

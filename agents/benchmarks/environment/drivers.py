@@ -1,0 +1,241 @@
+"""What `ferguson bench env` drives: ours and Gymnasium's CartPole, each in its ways.
+
+A driver steps an environment for a slice of time and goes on where the last slice ended.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import itertools
+import math
+import time
+from collections.abc import Callable
+from contextlib import AbstractContextManager, closing
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import gymnasium as gym
+import numpy as np
+from gymnasium.vector import SyncVectorEnv, VectorEnv
+from numpy.typing import NDArray
+
+from agents.benchmarks.environment.subprocess_envs import in_processes
+from ferguson_gym import ENVIRONMENT_ID
+from ferguson_gym.simulation.batch_simulator import FIRST
+from ferguson_gym.simulation.settings import Settings
+
+FIELDS = Settings().fields
+"""That resets draw from."""
+DEVIATION = 0.05
+"""Of the actions, around zero; larger ones end flights at once."""
+
+
+class Slice(NamedTuple):
+    """What was done in a slice of time."""
+
+    steps: int
+    """Of single environments; resets are none."""
+    flights: int
+    """Flights, or episodes, that ended."""
+    seconds: float
+
+
+class Driver(Protocol):
+    """Steps what it was made with."""
+
+    def reset(self, seed: int) -> None:
+        """Seed, and start all flights in fields that are drawn from the seeds."""
+
+    def run(self, seconds: float) -> Slice:
+        """Step for a time, at least once; flights that end are followed by others."""
+
+
+class OneByOne:
+    """Steps a scalar environment."""
+
+    def __init__(self, env: gym.Env[Any, Any], actions: NDArray[Any]) -> None:
+        self._env, self._actions = env, itertools.cycle(list(actions[:, 0]))
+
+    def reset(self, seed: int) -> None:
+        """Start all flights."""
+        self._env.reset(seed=seed)
+        self._env.reset()
+
+    def run(self, seconds: float) -> Slice:
+        """Step; each step counts."""
+        env, actions = self._env, self._actions
+        steps = flights = 0
+        began = now = time.perf_counter()
+        while now < began + seconds or not steps:
+            _, _, terminated, truncated, _ = env.step(next(actions))
+            if terminated or truncated:
+                env.reset()
+                flights += 1
+            steps += 1
+            now = time.perf_counter()
+        return Slice(steps, flights, now - began)
+
+
+class Together:
+    """Steps a vector environment that resets a flight in the step after its last."""
+
+    def __init__(self, envs: VectorEnv[Any, Any, Any], actions: NDArray[Any]) -> None:
+        self._envs, self._actions = envs, itertools.cycle(list(actions))
+        self._over = np.zeros(envs.num_envs, np.bool_)
+
+    def reset(self, seed: int) -> None:
+        """Start all flights."""
+        self._envs.reset(seed=seed)
+        self._envs.reset()
+        self._over[:] = False
+
+    def run(self, seconds: float) -> Slice:
+        """Step; those in which a flight was reset do not count."""
+        envs, actions = self._envs, self._actions
+        # counted when the clock has stopped
+        terminations: list[NDArray[np.bool_]] = []
+        truncations: list[NDArray[np.bool_]] = []
+        began = now = time.perf_counter()
+        while now < began + seconds or len(terminations) < 2:  # one may reset all
+            _, _, terminated, truncated, _ = envs.step(next(actions))
+            terminations.append(terminated)
+            truncations.append(truncated)
+            now = time.perf_counter()
+        over = np.vstack([self._over, np.logical_or(terminations, truncations)])
+        self._over = over[-1].copy()
+        return Slice(int((~over[:-1]).sum()), int(over[1:].sum()), now - began)
+
+
+class ForBaselines:
+    """Steps a `VecEnv` of Stable-Baselines3, which resets a flight in its last step."""
+
+    def __init__(self, envs: Any, actions: NDArray[Any]) -> None:
+        self._envs, self._actions = envs, itertools.cycle(list(actions))
+
+    def reset(self, seed: int) -> None:
+        """Start all flights."""
+        self._envs.seed(seed)
+        self._envs.reset()
+        self._envs.reset()
+
+    def run(self, seconds: float) -> Slice:
+        """Step; each step counts."""
+        envs, actions = self._envs, self._actions
+        ends: list[NDArray[np.bool_]] = []
+        began = now = time.perf_counter()
+        while now < began + seconds or not ends:
+            _, _, done, _ = envs.step(next(actions))
+            ends.append(done)
+            now = time.perf_counter()
+        return Slice(len(ends) * envs.num_envs, int(np.sum(ends)), now - began)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Entry:
+    """An environment and how it is driven."""
+
+    name: str
+    number: int
+    """Of environments that are stepped together."""
+    make: Callable[[], AbstractContextManager[Any]]
+    driver: Callable[[Any, NDArray[Any]], Driver]
+    fields: int
+    """That resets of an environment draw from; 0: it is CartPole."""
+    share: bool = False
+    """All environments draw from the same fields, laid out once."""
+
+    @property
+    def missing(self) -> bool:
+        """It needs Stable-Baselines3, and that is not installed."""
+        return self.driver is ForBaselines and not has_baselines()
+
+    def actions(self, rng: np.random.Generator) -> NDArray[Any]:
+        """Actions (batches, number, ...), flown again and again."""
+        size = (max(64, 2**14 // self.number), self.number)
+        if not self.fields:
+            return rng.integers(2, size=size)
+        return np.clip(rng.normal(0.0, DEVIATION, (*size, 4)), -1.0, 1.0).astype(np.float32)
+
+    def warm_up(self, driver: Driver, rng: np.random.Generator) -> None:
+        """Compile, and lay out the fields.
+
+        The reset after one with a seed draws a block of them for each environment; ten draws a
+        field leave one out with probability exp(-10).
+        """
+        draws = FIRST * (self.number if self.share else 1)
+        for seed in rng.integers(2**31, size=1 + math.ceil(10 * self.fields / draws)).tolist():
+            driver.reset(seed)
+
+
+def has_baselines() -> bool:
+    """Stable-Baselines3 is installed."""
+    return importlib.util.find_spec("stable_baselines3") is not None
+
+
+def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
+    """What is measured, in the order of the table."""
+
+    def pole(number: int) -> Entry:
+        make = partial(_vector, "CartPole-v1", number)
+        return Entry(name="CartPole-v1 vector", number=number, make=make, driver=Together, fields=0)
+
+    def ours(
+        what: str, number: int, make: Any, driver: Any, share: bool = False, apart: int = 1
+    ) -> Entry:
+        return Entry(
+            name=f"ObstacleField{what}",
+            number=number,
+            make=partial(make, number, observation=observation, fields=fields // apart),
+            driver=driver,
+            fields=fields // apart,
+            share=share,
+        )
+
+    return [
+        ours("", 1, _scalar, OneByOne),
+        *(
+            ours(" vector", number, partial(_vector, ENVIRONMENT_ID), Together, share=True)
+            for number in (1, 16, 256, 2048)
+        ),
+        ours(" for SB3", 256, _adapter, ForBaselines, share=True),
+        # each of the 16 holds fields of its own: together as many as the others
+        ours(" SyncVectorEnv", 16, _one_after_another, Together, apart=16),
+        ours(" SubprocVecEnv", 2, _in_processes, ForBaselines),
+        Entry(
+            name="CartPole-v1",
+            number=1,
+            make=lambda: closing(gym.make("CartPole-v1")),
+            driver=OneByOne,
+            fields=0,
+        ),
+        pole(256),
+        pole(2048),
+    ]
+
+
+def _make(**arguments: Any) -> gym.Env[Any, Any]:
+    return gym.make(ENVIRONMENT_ID, **arguments)
+
+
+def _scalar(_: int, **arguments: Any) -> AbstractContextManager[Any]:
+    return closing(_make(**arguments))
+
+
+def _vector(name: str, number: int, **arguments: Any) -> AbstractContextManager[Any]:
+    mode = "vector_entry_point"
+    return closing(gym.make_vec(name, number, vectorization_mode=mode, **arguments))
+
+
+def _one_after_another(number: int, **arguments: Any) -> AbstractContextManager[Any]:
+    return closing(SyncVectorEnv([partial(_make, **arguments)] * number))
+
+
+def _adapter(number: int, **arguments: Any) -> AbstractContextManager[Any]:
+    from agents.training.sb3_vec_env import ObstacleFieldVecEnv
+
+    return closing(ObstacleFieldVecEnv(number, **arguments))
+
+
+def _in_processes(number: int, **arguments: Any) -> AbstractContextManager[Any]:
+    return in_processes([partial(_make, **arguments)] * number)

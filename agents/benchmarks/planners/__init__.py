@@ -1,0 +1,1 @@
+"""Benchmark of planners: all on the same fields with the same clock."""

@@ -1,0 +1,226 @@
+"""`ferguson bench planners`: every planner on the same fields, with the same clock."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from agents.benchmarks.planners import ompl_log, plots
+from agents.benchmarks.planners.runs import FALSE_SUCCESS, LIBRARIES, Run, runs
+from agents.evaluation import results
+from agents.flights import metrics
+from agents.runtime import provenance, terminal_tables
+from agents.runtime.terminal import Terminal
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.world.field import Field
+
+COLUMNS = (
+    "planner",
+    "field",
+    "seed",
+    "status",
+    "success",
+    "raw_length",
+    "length",
+    "exact_length",
+    "raw_gap",
+    "gap",
+    "clearance",
+    "min_turn_radius",
+    "max_turn_speed",
+    "bending",
+    "segments",
+    "evaluations",
+    "seconds_first",
+    "seconds",
+)
+"""Columns of planners.csv; what a failure does not have is an empty cell."""
+_NONE = "-"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What is asked for."""
+
+    planners: Sequence[str]
+    left_out: Mapping[str, str]
+    """Planners that are not installed, and how they would be."""
+    fields: Sequence[Field]
+    seeds: Sequence[int]
+    seconds: float | None
+    """Budget of planners that have one; None: their own."""
+    workers: int
+
+
+def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
+    """Compare; print the table, write planners.csv, planners.log, summary.json and pictures.
+
+    Interrupted, it leaves planners.csv with the runs that were finished.
+    """
+    for name, hint in request.left_out.items():
+        terminal.note(f"left out {name}: {hint}")
+    began = datetime.now()
+    clock = time.perf_counter()
+    out.mkdir(parents=True, exist_ok=True)
+    finished: list[Run] = []
+    try:
+        finished.extend(_runs(request, terminal))
+    finally:  # of what is interrupted, the rows are kept
+        results.write_csv(out / "planners.csv", COLUMNS, map(row, finished))
+    total = time.perf_counter() - clock
+    report = summary(finished, request)
+    _write(out / "planners.log", ompl_log.write(finished, began, total, request.seconds))
+    _write(out / "summary.json", [json.dumps(report, indent=2, allow_nan=False)])
+    plots.draw(finished, out)
+    terminal.show_json(json.dumps(report, allow_nan=False))
+    terminal.show(table(report))
+    for one in report["planners"]:
+        if one["failures"]:
+            causes = ", ".join(f"{number} {cause}" for cause, number in one["failures"].items())
+            terminal.show(f"{one['planner']} failed: {causes}")
+    terminal.note(f"wrote planners.csv, planners.log, summary.json, pictures to {out}")
+    return finished
+
+
+def _runs(request: Request, terminal: Terminal) -> Iterator[Run]:
+    number = len(request.planners) * len(request.fields) * len(request.seeds)
+    with terminal.still_bar() as progress:
+        task = progress.add_task("plans", total=number)
+        for run in runs(
+            request.planners, request.seconds, request.fields, request.seeds, request.workers
+        ):
+            yield run
+            progress.advance(task)
+            progress.refresh()
+
+
+def _write(path: Path, lines: Iterable[str]) -> None:
+    with written_whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+        file.writelines(f"{line}\n" for line in lines)
+
+
+def row(run: Run) -> list[object]:
+    """A row of planners.csv."""
+    cells = {name: getattr(run, name) for name in COLUMNS}
+    cells["field"], cells["success"] = run.field.name, int(run.success)
+    return ["" if cell is None else cell for cell in cells.values()]
+
+
+def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
+    """All that the table shows, and where it was measured."""
+    return {
+        "fields": [field.name for field in request.fields],
+        "seeds": list(request.seeds),
+        "budget_seconds": request.seconds,
+        "workers": request.workers,
+        "left_out": dict(request.left_out),
+        "planners": [
+            statistics([run for run in finished if run.planner == name])
+            for name in request.planners
+        ],
+        **provenance.facts(*LIBRARIES),
+    }
+
+
+def statistics(mine: Sequence[Run]) -> dict[str, Any]:
+    """Of one planner's runs; None where there is no number, or it is infinite."""
+    successes = [run for run in mine if run.success]
+    gaps = [run.gap for run in successes if run.gap is not None]
+    causes = Counter(_cause(run) for run in mine if not run.success)
+    # seeds of one field are no independent draws, for many planners no draws at all
+    fields = len({run.field.name for run in mine})
+    low, high = metrics.success_interval(len(successes) * fields // len(mine), fields)
+    firsts = [run.seconds_first for run in mine]
+    return {
+        "planner": mine[0].planner,
+        "runs": len(mine),
+        "successes": len(successes),
+        "success_low": low,
+        "success_high": high,
+        "failures": dict(causes),
+        "raw_gap_median": _quantile([r.raw_gap for r in successes if r.raw_gap is not None], 0.5),
+        "gap_median": _quantile(gaps, 0.5),
+        "gap_90": _quantile(gaps, 0.9),
+        "gap_99": _quantile(gaps, 0.99),
+        "min_turn_radius_median": _quantile(
+            [run.min_turn_radius for run in successes if run.min_turn_radius is not None], 0.5
+        ),
+        "seconds_first_median": _quantile([math.inf if s is None else s for s in firsts], 0.5),
+        "seconds_median": _quantile([run.seconds for run in mine], 0.5),
+    }
+
+
+def _cause(run: Run) -> str:
+    return f"{run.status} ({run.reason})" if run.reason else run.status
+
+
+def _quantile(values: Sequence[float], share: float) -> float | None:
+    value = metrics.quantile(values, share)
+    return value if value is not None and math.isfinite(value) else None
+
+
+def table(report: Mapping[str, Any]) -> Table:
+    """A row for each planner."""
+    budget = report["budget_seconds"]
+    searched = (
+        "their own budgets" if budget is None else f"{budget:g} s where a planner searches on"
+    )
+    rows = terminal_tables.empty_table(
+        f"Planners on the same {len(report['fields'])} fields, {searched}",
+        "planner",
+        "solved",
+        "95 % interval",
+        "false",
+        "raw gap [%]",
+        "gap [%]",
+        "90 %",
+        "99 %",
+        "turn [m]",
+        "first [ms]",
+        "total [s]",
+        caption=_caption(report),
+    )
+    for one in report["planners"]:
+        low, high = (f"{100 * one[key]:.1f}" for key in ("success_low", "success_high"))
+        rows.add_row(
+            Text(one["planner"]),
+            f"{one['successes']}/{one['runs']}",
+            f"{low} to {high}",
+            str(one["failures"].get(FALSE_SUCCESS, 0)),
+            *(_cell(one[key], 2, 100.0) for key in _GAPS),
+            _cell(one["min_turn_radius_median"], 2),
+            _cell(one["seconds_first_median"], 1, 1e3),
+            _cell(one["seconds_median"], 3),
+        )
+    return rows
+
+
+_GAPS = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
+
+
+def _cell(value: float | None, digits: int, scale: float = 1.0) -> str:
+    # a shortest path is not a little shorter than itself
+    return _NONE if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
+
+
+def _caption(report: Mapping[str, Any]) -> str:
+    caption = (
+        "gap: median, 90th and 99th percentile after the fit, raw gap before it, turn: smallest "
+        "radius; these over successes alone, so a planner that fails on hard fields looks better. "
+        "Interval: Wilson's, over fields. first: until a route, or a path where there are no "
+        "routes; what found none counts as never. total: all plans, fit and certification "
+        "included. false: reported as solved, but not feasible; they count as failures."
+    )
+    if report["workers"] > 1:
+        caption += f" Times with {report['workers']} workers beside each other do not compare."
+    return caption

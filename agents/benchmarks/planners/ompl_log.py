@@ -1,0 +1,134 @@
+"""Plans in the log format of OMPL's benchmarks, which its statistics and Planner Arena read.
+
+A log is one experiment: fields and seeds are its runs, and each run says which it was.
+
+Reference:
+    The grammar in OMPL's documentation, "How to benchmark planners"; Moll, Şucan & Kavraki
+    (2015), Benchmarking motion planning algorithms, IEEE Robotics & Automation Magazine 22(3).
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import platform
+import re
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+
+from agents.benchmarks.planners.runs import FALSE_SUCCESS, LIBRARIES, Run
+from agents.runtime import provenance
+from ferguson_gym import __version__
+from planners.interface import Status
+
+STATUSES = (*(status.label for status in Status), FALSE_SUCCESS)
+"""What the numbers of the property status mean."""
+_RUN = (
+    "field INTEGER",
+    "seed INTEGER",
+    "status INTEGER",
+    "solved BOOLEAN",
+    "time REAL",
+    "time to first solution REAL",
+    "solution length REAL",
+    "route length REAL",
+    "exact length REAL",
+    "gap REAL",
+    "route gap REAL",
+    "solution clearance REAL",
+    "solution segments INTEGER",
+    "minimum turn radius REAL",
+    "bending REAL",
+    "evaluations INTEGER",
+)
+_PROGRESS = ("time REAL", "best cost REAL")
+
+
+def write(
+    runs: Sequence[Run], began: datetime, total_seconds: float, seconds: float | None
+) -> Iterator[str]:
+    """The lines of a log, each without its end.
+
+    Args:
+        runs: in any order; a planner's runs keep theirs.
+        began: when the experiment did.
+        total_seconds: what it took.
+        seconds: budget of planners that have one.
+    """
+    fields = list(dict.fromkeys(run.field.name for run in runs))
+    planners = list(dict.fromkeys(run.planner for run in runs))
+    yield f"ferguson-gym version {__version__}"
+    yield "Experiment ferguson"
+    yield f"Running on {_word(platform.node()) or 'unknown'}"
+    yield f"Starting at {began:%Y-%m-%d %H:%M:%S}"
+    yield from _block("a path through discs, fitted with Ferguson segments; limits of 0: none")
+    yield from _block(json.dumps(provenance.facts(*LIBRARIES)))
+    yield f"{min(run.seed for run in runs)} is the random seed"
+    yield f"{0.0 if seconds is None else seconds!r} seconds per run"
+    yield "0.0 MB per run"
+    yield f"{len(runs) // len(planners)} runs per planner"
+    yield f"{total_seconds!r} seconds spent to collect the data"
+    yield "2 enum type"
+    yield "|".join(["status", *STATUSES])
+    yield "|".join(["field", *(_word(name) for name in fields)])
+    yield f"{len(planners)} planners"
+    for planner in planners:
+        mine = [run for run in runs if run.planner == planner]
+        yield _word(planner)
+        yield "0 common properties"
+        yield f"{len(_RUN)} properties for each run"
+        yield from _RUN
+        yield f"{len(mine)} runs"
+        for run in mine:
+            yield "".join(f"{_datum(value)}; " for value in _measured(run, fields))
+        if any(run.improved for run in mine):
+            yield f"{len(_PROGRESS)} progress properties for each run"
+            yield from _PROGRESS
+            yield f"{len(mine)} runs"
+            for run in mine:
+                yield "".join(f"{when!r},{length!r},;" for when, length in _progress(run))
+        yield "."
+
+
+def _measured(run: Run, fields: Sequence[str]) -> tuple[float | None, ...]:
+    """As named in `_RUN`."""
+    return (
+        fields.index(run.field.name),
+        run.seed,
+        STATUSES.index(run.status),
+        run.success,
+        run.seconds,
+        run.seconds_first,
+        run.length,
+        run.raw_length,
+        run.exact_length,
+        run.gap,
+        run.raw_gap,
+        run.clearance,
+        run.segments,
+        run.min_turn_radius,
+        run.bending,
+        run.evaluations or 0,
+    )
+
+
+def _progress(run: Run) -> list[tuple[float, float]]:
+    """A length for each moment: the reader takes no moment twice."""
+    return [] if run.route is None else list(dict(run.route.progress).items())
+
+
+def _datum(value: float | None) -> str:
+    if value is None:
+        return ""
+    if isinstance(value, int):  # truth among them
+        return str(int(value))
+    return repr(float(value)) if math.isfinite(value) else "inf"
+
+
+def _word(text: str) -> str:
+    """A name as the format has it, without blanks and bars."""
+    return re.sub(r"[\s|]+", "_", text)
+
+
+def _block(text: str) -> tuple[str, str, str]:
+    return "<<<|", text, "|>>>"

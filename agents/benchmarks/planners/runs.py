@@ -1,0 +1,197 @@
+"""Planners on the same fields with the same clock, and what is measured of each plan."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from joblib import delayed
+
+from agents.policies.warm_up import warm
+from agents.runtime.worker_processes import spread
+from ferguson_gym.curves.path import Path
+from ferguson_gym.curves.turning import bending_energy, fastest_turn
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.world.feasibility import inspect, is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from planners.interface import Plan, Route, Status, depart
+
+LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
+"""What plans depend on."""
+FALSE_SUCCESS = "false_success"
+"""Status of a plan that was reported as solved and does not bear the benchmark's own test."""
+_AFTERWARDS = "planners.csv has the plans before"
+_ROUNDING = 1e-6
+"""By which part a path may seem shorter than the shortest."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Run:
+    """One planner's plan of one field; what a plan that failed does not have is None."""
+
+    planner: str
+    field: Field
+    seed: int
+    status: str
+    """The label of the planner's status, or `FALSE_SUCCESS`."""
+    route: Route | None
+    """What planners of whole paths found before the fit."""
+    control: Array
+    """Segments (n, 4, 2) of a success, else none."""
+    exact_length: float | None
+    """Of the field's shortest path [m]."""
+    length: float | None
+    clearance: float | None
+    """Least along the path [m]."""
+    min_turn_radius: float | None
+    """[m]; infinite if it never turns."""
+    max_turn_speed: float | None
+    """Of a coordinated turn with the paper's roll angle, where the path turns sharpest [m/s]."""
+    bending: float | None
+    """Integral of squared curvature over arc length [1/m]."""
+    evaluations: int | None
+    """Of an objective, in the search; the fit's are not counted."""
+    reason: str
+    """What was told of a crash; empty otherwise."""
+    seconds: float
+    """In total, fit and certification included."""
+
+    @property
+    def success(self) -> bool:
+        """Whether the plan was solved and bore the benchmark's own test."""
+        return self.status == Status.SOLVED.label
+
+    @property
+    def raw_length(self) -> float | None:
+        """Length of the route before the fit [m]."""
+        return None if self.route is None else self.route.length
+
+    @property
+    def raw_gap(self) -> float | None:
+        """Gap of the route before the fit."""
+        return self._gap(self.raw_length)
+
+    @property
+    def gap(self) -> float | None:
+        """Gap of the path."""
+        return self._gap(self.length)
+
+    def _gap(self, length: float | None) -> float | None:
+        exact = self.exact_length
+        return None if length is None or exact is None else gap(length, exact)
+
+    @property
+    def segments(self) -> int | None:
+        """Number of segments."""
+        return len(self.control) if self.success else None
+
+    @property
+    def seconds_first(self) -> float | None:
+        """Until there was a first route; without routes, until there was a path."""
+        if self.route is not None:
+            return self.route.progress[0][0]
+        return self.seconds if self.success else None
+
+    @property
+    def improved(self) -> bool:
+        """Whether the planner found a shorter route after its first."""
+        return self.route is not None and len(self.route.progress) > 1
+
+
+def certified(control: Array, field: Field) -> bool:
+    """Whether segments (n, 4, 2) are a flight from a field's start to its goal."""
+    try:
+        path = Path(control)
+    except ValueError:  # joints that do not meet
+        return False
+    exact = exact_length(field)
+    return (
+        len(path) <= PAPER_LIMITS.segments
+        and np.array_equal(control[0, 0], field.start)
+        and np.array_equal(control[0, 2], field.departure)
+        and np.array_equal(control[-1, 1], field.goal)
+        and bool(is_feasible(control, field).all())
+        and (exact is None or gap(path.length, exact) >= -_ROUNDING)
+    )
+
+
+def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
+    """Plan one field from its start: what a worker process is handed.
+
+    A planner whose library crashes has failed. Any other error is a fault in a program and
+    goes on, with a note of where it happened.
+
+    Args:
+        name: of the planner.
+        seconds: budget of a planner that has one; None: its own.
+        field: what is planned.
+        seed: of the planner.
+
+    Raises:
+        ValueError: an unknown planner.
+    """
+    # planners may remember a field by its identity: every run of it has its own
+    field = dataclasses.replace(field)
+    try:
+        planner = warm(name, seconds)
+        began = time.perf_counter()
+        plan = planner.plan(field, depart(field), seed)
+        elapsed = time.perf_counter() - began
+    except Exception as error:
+        error.add_note(f"while {name} planned the field {field.name} with seed {seed}")
+        raise
+    return measure(name, field, seed, plan, elapsed)
+
+
+def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> Run:
+    """What is told of a plan."""
+    status = plan.status.label
+    path: Path | None = None
+    if plan.success:
+        if certified(plan.control, field):
+            path = plan.path
+        else:
+            status = FALSE_SUCCESS
+    radius = None if path is None else path.min_turn_radius
+    return Run(
+        planner=name,
+        field=field,
+        seed=seed,
+        status=status,
+        route=plan.route,
+        control=np.empty((0, 4, 2)) if path is None else path.control,
+        exact_length=exact_length(field),
+        length=None if path is None else path.length,
+        clearance=None if path is None else float(inspect(path.control, field).clearance.min()),
+        min_turn_radius=radius,
+        max_turn_speed=None if radius is None else fastest_turn(radius),
+        bending=None if path is None else float(bending_energy(path.control).sum()),
+        evaluations=plan.evaluations or None,
+        reason=plan.reason,
+        seconds=seconds,
+    )
+
+
+def runs(
+    planners: Sequence[str],
+    seconds: float | None,
+    fields: Sequence[Field],
+    seeds: Sequence[int],
+    workers: int,
+) -> Iterator[Run]:
+    """Every planner on every field with every seed, in an order that does not depend on workers.
+
+    All planners take a field one after the other: what slows the machine for a while slows all.
+
+    Raises:
+        ChildProcessError: a worker died.
+    """
+    tasks = itertools.product(fields, seeds, planners)
+    calls = (delayed(run)(name, seconds, field, seed) for field, seed, name in tasks)
+    return spread(calls, workers, in_order=True, afterwards=_AFTERWARDS)

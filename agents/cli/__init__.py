@@ -1,0 +1,1 @@
+"""The program `ferguson`: one file for each command."""

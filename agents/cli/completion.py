@@ -1,0 +1,74 @@
+"""What a shell completes: policies, planners, fields and files after their options."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import shtab
+
+from agents.models import shipped_agents
+from ferguson_gym.world.suites import SPLITS, SUITES
+from planners.registry import PLANNERS
+
+Words = Mapping[str, Any] | str
+"""What completes an argument, by shell; those that are not named here complete nothing."""
+FILE: Words = "file"
+DIRECTORY: Words = "directory"
+
+
+def _words(name: str, words: Iterable[str], also: str) -> Words:
+    """Words, and files or directories.
+
+    Args:
+        name: of the function that completes them.
+        words: without characters that mean anything to a shell.
+        also: `f` for files, `d` for directories, or neither.
+    """
+    told = " ".join(words)
+    files = {"f": "_files", "d": "_files -/"}.get(also, "true")
+    mine = f'compgen -W "{told}" -- "$1"'
+    if also:
+        mine += f'; compgen -{also} -- "$1"'
+    return {
+        "bash": name,
+        "zsh": name,
+        "preamble": {
+            "bash": f"{name}() {{ {mine}; }}",
+            "zsh": f"{name}() {{ compadd -- {told}; {files} }}",
+        },
+    }
+
+
+_DRAWN = [f"{suite}/{split}" for suite in SUITES for split in SPLITS]
+PLANNER = _words("_ferguson_planner", PLANNERS, "")
+POLICY = _words("_ferguson_policy_dir", [*PLANNERS, *shipped_agents.shipped()], "d")
+MODEL = _words("_ferguson_model_dir", shipped_agents.shipped(), "d")
+ONE_FIELD = _words("_ferguson_field", ["paper:1", *(f"{name}:0" for name in _DRAWN)], "f")
+FIELDS = _words("_ferguson_fields", ["paper:1-4", *(f"{name}:0-9" for name in _DRAWN)], "f")
+
+
+def completes(argument: argparse.Action, words: Words) -> None:
+    """Say what completes an argument."""
+    argument.complete = words  # type: ignore[attr-defined]
+
+
+def add_to(parser: argparse.ArgumentParser) -> None:
+    """Give the program the option that prints a shell's completion script."""
+    parser.add_argument(
+        "--print-completion",
+        choices=shtab.SUPPORTED_SHELLS,
+        action=_Print,
+        metavar="SHELL",
+        help="print a script that completes commands, options and names; for "
+        f"{', '.join(shtab.SUPPORTED_SHELLS)}",
+    )
+
+
+class _Print(argparse.Action):
+    def __call__(self, parser: argparse.ArgumentParser, *given: Any) -> None:
+        shell: str = given[1]
+        sys.stdout.write(shtab.complete(parser, shell) + "\n")
+        parser.exit()

@@ -1,0 +1,135 @@
+"""`ferguson plan`: one plan, for people and as JSON."""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from agents.flights.flight import Flight
+from agents.plots.flight_grid import draw_flights
+from agents.runtime import terminal_tables
+from ferguson_gym.shortest_paths.exact import gap
+from ferguson_gym.world.feasibility import inspect
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS
+from planners.interface import Plan, Planner, Route, depart
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Report:
+    """A plan and what is told of it."""
+
+    name: str
+    """Of the planner."""
+    field: Field
+    seed: int
+    plan: Plan
+    wall_seconds: float
+
+    @property
+    def flight(self) -> Flight:
+        """The plan as the flight it describes."""
+        plan, control = self.plan, self.plan.control
+        clearance = (
+            float(inspect(control, self.field).clearance.min()) if len(control) else math.inf
+        )
+        return Flight(
+            policy=self.name,
+            field=self.field,
+            seed=self.seed,
+            outcome=plan.status.outcome,
+            control=control,
+            refused=None,
+            clearance=clearance,
+            seconds=self.wall_seconds,
+            decision_seconds=plan.step_seconds,
+            decisions=list(plan.decisions),
+            route=plan.route,
+        )
+
+    def to_json(self) -> str:
+        """One object; nulls where no path was found, or a number would be infinite."""
+        flight, found = self.flight, self.plan.success
+        return json.dumps(
+            {
+                "field": self.field.name,
+                "planner": self.name,
+                "seed": self.seed,
+                "status": self.plan.status.label,
+                "success": found,
+                "length": flight.length if found else None,
+                "exact_length": flight.exact_length,
+                "gap": flight.gap,
+                "clearance": _finite(flight.clearance) if found else None,
+                "segments": len(flight.control) if found else None,
+                "min_turn_radius": _finite(flight.min_turn_radius) if found else None,
+                "step_seconds": self.plan.step_seconds,
+                "wall_seconds": self.wall_seconds,
+                "control": flight.control.tolist() if found else None,
+            },
+            allow_nan=False,
+        )
+
+    def lines(self, windows: bool = True) -> Iterator[Table | str]:
+        """What people are told of the plan, one after the other.
+
+        Args:
+            windows: whether to begin with a table of them, if there are any.
+        """
+        flight = self.flight
+        if windows and any(decision.report.starts for decision in self.plan.decisions):
+            yield terminal_tables.windows(self.plan.decisions)
+        if self.plan.route is not None:
+            yield _told(self.plan.route, flight.exact_length)
+        yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
+        facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
+        if flight.gap is not None:
+            facts.append(
+                f"{_percent(flight.gap)} above the shortest path, {flight.exact_length:.4f} m"
+            )
+        if len(flight.control):
+            radius = flight.min_turn_radius
+            # within the tolerance, a contact is shown as a contact
+            clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
+            facts.append(f"clearance {clear:.3f} m" if math.isfinite(clear) else "no obstacles")
+            facts.append(f"smallest turn radius {radius:.3g} m")
+        if self.plan.evaluations:
+            facts.append(f"{self.plan.evaluations} function evaluations")
+        facts.append(f"{self.wall_seconds:.2f} s")
+        yield ", ".join(facts)
+
+    def draw(self, path: Path) -> None:
+        """Write a picture of the plan."""
+        draw_flights([self.flight], path)
+
+
+def _told(route: Route, exact: float | None) -> str:
+    """A route before segments were fitted to it; exact is the shortest path's length [m]."""
+    seconds, _ = route.progress[-1]
+    facts = [f"route: {route.length:.4f} m", f"found after {seconds:.3f} s"]
+    if exact is not None:
+        facts.insert(1, f"{_percent(gap(route.length, exact))} above the shortest path")
+    return ", ".join(facts)
+
+
+def _percent(gap: float) -> str:
+    """A gap as people read it; a path a rounding error short of the shortest is as short."""
+    return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:
+    """Plan a field from its start."""
+    began = time.perf_counter()
+    result = planner.plan(field, depart(field), seed)
+    seconds = time.perf_counter() - began
+    return Report(name=name, field=field, seed=seed, plan=result, wall_seconds=seconds)

@@ -1,0 +1,1 @@
+"""Demonstrations: an expert's flights as datasets, recorded and read."""

@@ -1,0 +1,191 @@
+"""One demonstration: a flight in the environment, with every transition of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+import ferguson_gym
+from agents.policies.interface import Policy
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Episode:
+    """A flight of n segments."""
+
+    field: str
+    """By name."""
+    outcome: Outcome
+    observations: Mapping[str, NDArray[np.float32]]
+    """(n + 1, size) by entry."""
+    actions: Action
+    """(n, 4)."""
+    rewards: Array
+    """(n,)."""
+    terminations: NDArray[np.bool_]
+    """(n,)."""
+    truncations: NDArray[np.bool_]
+    """(n,)."""
+    infos: Mapping[str, NDArray[Any]]
+    """(n + 1,) by key, the first as reset gave it."""
+
+
+def make_environment(arguments: Mapping[str, Any]) -> gym.Env[Observation, Action]:
+    """The environment that flights are recorded in.
+
+    Raises:
+        TypeError, ValueError: arguments that it does not know or that make no sense.
+    """
+    return gym.make(ferguson_gym.ENVIRONMENT_ID, **arguments)
+
+
+def seed_of(field: str) -> int | None:
+    """The seed that a field of a suite was drawn from; None for the paper's."""
+    family, _, number = field.partition(":")
+    return int(number) if "/" in family else None
+
+
+def record(env: gym.Env[Observation, Action], field: str, policy: Policy) -> Episode:
+    """Fly a policy, with seed 0, through a field to the end, or until it gives up."""
+    observation, info = env.reset(seed=seed_of(field), options={"field": field})
+    inside: Any = env.unwrapped
+    policy.begin(inside.field, 0)
+    seen, told = [observation], [info]
+    actions, rewards, terminations, truncations = [], [], [], []
+    outcome = Outcome.FLYING
+    while outcome is Outcome.FLYING:
+        action = policy.act(observation, inside.state)
+        if action is None:
+            outcome = Outcome.GAVE_UP
+            break
+        observation, reward, terminated, truncated, info = env.step(action)
+        outcome = Outcome.from_code(info["outcome"])
+        actions.append(action)
+        rewards.append(reward)
+        terminations.append(terminated)
+        truncations.append(truncated)
+        seen.append(observation)
+        told.append(info)
+    return Episode(
+        field=field,
+        outcome=outcome,
+        observations={key: np.stack([entries[key] for entries in seen]) for key in seen[0]},
+        actions=np.array(actions, np.float32).reshape(-1, 4),
+        rewards=np.array(rewards, np.float64),
+        terminations=np.array(terminations, np.bool_),
+        truncations=np.array(truncations, np.bool_),
+        infos={key: np.array([entries[key] for entries in told]) for key in INFOS},
+    )
+
+
+def replay(env: gym.Env[Observation, Action], field: str, actions: Action) -> Episode:
+    """Fly recorded actions (n, 4) again; those behind the end of the flight are left over."""
+    return record(env, field, _Recorded(actions))
+
+
+@dataclass(slots=True)
+class _Recorded:
+    """FlightTable actions as a policy."""
+
+    actions: Action
+    done: int = 0
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start with the first action, whatever the field."""
+        self.done = 0
+
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
+        """The next action; None behind the last."""
+        self.done += 1
+        return self.actions[self.done - 1] if self.done <= len(self.actions) else None
+
+
+def pack(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
+    """Episodes as arrays by name, one after the other, without objects in them."""
+    steps = [len(episode.actions) for episode in episodes]
+    packed: dict[str, NDArray[Any]] = {
+        "field": np.array([episode.field for episode in episodes], np.str_),
+        "outcome": np.array([episode.outcome.code for episode in episodes], np.int64),
+        "steps": np.array(steps, np.int64),
+    }
+    for name in ("actions", "rewards", "terminations", "truncations"):
+        packed[name] = np.concatenate([getattr(episode, name) for episode in episodes])
+    for group in ("observations", "infos"):
+        for key in getattr(episodes[0], group):
+            parts = [getattr(episode, group)[key] for episode in episodes]
+            packed[f"{group}/{key}"] = np.concatenate(parts)
+    return packed
+
+
+_KINDS = {
+    "field": "U",
+    "outcome": "i",
+    "steps": "i",
+    "actions": "f",
+    "rewards": "f",
+    "terminations": "b",
+    "truncations": "b",
+}
+"""Of the arrays that every pack has."""
+
+
+def _check(arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse what `pack` did not make."""
+    for name, kind in _KINDS.items():
+        if name not in arrays:
+            raise ValueError(f"no {name}")
+        shape = (4,) if name == "actions" else ()
+        if arrays[name].dtype.kind != kind or arrays[name].shape[1:] != shape:
+            raise ValueError(f"{name} is {arrays[name].shape} of {arrays[name].dtype}")
+    steps, flights = arrays["steps"], len(arrays["field"])
+    if len(steps) != flights or len(arrays["outcome"]) != flights or (steps < 0).any():
+        raise ValueError(f"steps of {len(steps)} flights, fields of {flights}")
+    total = int(steps.sum())
+    for name, array in arrays.items():
+        wanted = total + flights if "/" in name else total
+        if name not in ("field", "outcome", "steps") and (array.ndim < 1 or len(array) != wanted):
+            raise ValueError(f"{name} is {array.shape}, of {wanted} rows")
+
+
+def unpack(packed: Mapping[str, NDArray[Any]]) -> Iterator[Episode]:
+    """Episodes from arrays by name, as `pack` made them.
+
+    Raises:
+        ValueError: arrays are missing, or not as long as others say.
+    """
+    arrays = dict(packed)
+    _check(arrays)
+    ends = np.cumsum(arrays["steps"])
+    for i, (steps, end) in enumerate(zip(arrays["steps"], ends, strict=True)):
+        rows = slice(end - steps, end)
+        states = slice(end - steps + i, end + i + 1)
+
+        def group(prefix: str, states: slice = states) -> dict[str, NDArray[Any]]:
+            return {
+                key.removeprefix(prefix): values[states]
+                for key, values in arrays.items()
+                if key.startswith(prefix)
+            }
+
+        yield Episode(
+            field=str(arrays["field"][i]),
+            outcome=Outcome.from_code(int(arrays["outcome"][i])),
+            observations=group("observations/"),
+            actions=arrays["actions"][rows],
+            rewards=arrays["rewards"][rows],
+            terminations=arrays["terminations"][rows],
+            truncations=arrays["truncations"][rows],
+            infos=group("infos/"),
+        )

@@ -1,0 +1,166 @@
+"""`ferguson demos`: fly an expert, count what failed, and write the rest as a dataset."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import shutil
+from collections import Counter
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.demonstrations import minari_store as dataset
+from agents.demonstrations import work
+from agents.demonstrations.episode import make_environment, record
+from agents.demonstrations.work import Request
+from agents.runtime.terminal import Terminal
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.transition import State
+
+RANDOM_FLIGHTS = 100
+"""Of random actions, most, whose mean return is the score 0."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """What came of an expert's flights."""
+
+    flights: int
+    """That succeeded."""
+    steps: int
+    """Of these."""
+    mean_return: float
+    """Of these; NaN without any."""
+    failed: dict[str, str]
+    """Outcomes' labels by field, of those that did not."""
+
+    def as_json(self) -> dict[str, Any]:
+        """Values that JSON has; null where there is no mean."""
+        mean = None if math.isnan(self.mean_return) else self.mean_return
+        return {**asdict(self), "mean_return": mean}
+
+    def sentence(self) -> str:
+        """For people."""
+        text = f"{self.flights} flights, {self.steps} steps"
+        counts = Counter(self.failed.values())
+        reasons = ", ".join(f"{count} {label}" for label, count in sorted(counts.items()))
+        return text + (f"; {len(self.failed)} failed and left out ({reasons})" if counts else "")
+
+
+def work_place(place: Path) -> Path:
+    """The work directory beside a dataset's place; hidden, so that nobody takes it for one."""
+    return place.with_name(f".{place.name}.part")
+
+
+def make(
+    request: Request,
+    dataset_id: str,
+    place: Path,
+    workers: int,
+    fresh: bool = False,
+    terminal: Terminal | None = None,
+) -> Tally:
+    """Fly what is missing, then write the dataset.
+
+    Args:
+        request: which demonstrations.
+        dataset_id: of the dataset.
+        place: where it will lie, as `demonstrations_minari.place_of` says.
+        workers: processes.
+        fresh: whether to replace a dataset of this id, and another request's unfinished work.
+        terminal: that shows how far it is.
+
+    Raises:
+        ValueError: another request's work is in the way.
+        OSError: a worker died, or the disk refuses; what is flown is kept.
+        KeyboardInterrupt: what is flown is kept.
+    """
+    directory = work_place(place)
+    if fresh:
+        _clear(directory, request)
+    missing = work.begin(directory, request)
+    with (terminal or Terminal()).bar() as progress:
+        flying = progress.add_task("flights", total=len(request.fields))
+        progress.advance(flying, _fields_in(request, missing))
+        for done in work.fly(directory, request, missing, workers):
+            progress.advance(flying, done)
+        tally = count(directory, request)
+        if tally.flights:
+            label = _label(request, dataset_id, tally)
+            good = (
+                episode for episode in work.flown(directory, request) if episode.outcome.success
+            )
+            writing = progress.add_task("writing", total=tally.flights)
+            for done in dataset.write(label, good, directory / "staging", fresh):
+                progress.advance(writing, done)
+    shutil.rmtree(directory)
+    return tally
+
+
+def _clear(directory: Path, request: Request) -> None:
+    """Remove what is not this request's work; its own would be flown alike again."""
+    try:
+        work.check(directory, request)
+    except ValueError:
+        shutil.rmtree(directory)
+
+
+def _fields_in(request: Request, missing: list[int]) -> int:
+    """Fields of the chunks that are not missing."""
+    return len(request.fields) - sum(len(request.chunk(number)) for number in missing)
+
+
+def count(directory: Path, request: Request) -> Tally:
+    """What came of the flights in a work directory where none is missing."""
+    returns: list[float] = []
+    steps, failed = 0, {}
+    for episode in work.flown(directory, request):
+        if episode.outcome.success:
+            returns.append(float(episode.rewards.sum()))
+            steps += len(episode.actions)
+        else:
+            failed[episode.field] = episode.outcome.label
+    mean = float(np.mean(returns)) if returns else float("nan")
+    return Tally(flights=len(returns), steps=steps, mean_return=mean, failed=failed)
+
+
+def _label(request: Request, dataset_id: str, tally: Tally) -> dataset.Label:
+    fields = request.fields[:RANDOM_FLIGHTS]
+    specs = ", ".join(request.specs)
+    return dataset.Label(
+        dataset_id=dataset_id,
+        expert=request.expert,
+        arguments=request.environment,
+        description=f"Flights of {request.expert} through {specs}, from start to goal.",
+        random_return=random_return(request.environment, fields),
+        expert_return=tally.mean_return,
+        random_flights=len(fields),
+        more=request.as_json() | {"flights": tally.flights, "failed": tally.failed},
+    )
+
+
+def random_return(arguments: dict[str, Any], fields: list[str]) -> float:
+    """Mean return of actions drawn uniformly, one flight through each field."""
+    env, policy = make_environment(arguments), _Random()
+    return float(np.mean([record(env, name, policy).rewards.sum() for name in fields]))
+
+
+@dataclass(slots=True)
+class _Random:
+    """Draws actions, others in each flight."""
+
+    flights: itertools.count[int] = field(default_factory=itertools.count)
+    stream: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start with a stream of the flight's own."""
+        self.stream = np.random.default_rng([seed, next(self.flights)])
+
+    def act(self, observation: Observation, vehicle: State) -> Action:
+        """Any action."""
+        return self.stream.uniform(-1.0, 1.0, 4).astype(np.float32)

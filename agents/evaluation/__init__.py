@@ -1,0 +1,1 @@
+"""Evaluation of policies on the same fields: flights, statistics, tables and files."""

@@ -1,0 +1,171 @@
+"""Flying a chunk: what a worker is handed, and what it gives back.
+
+Agents that fly alone fly the fields of a chunk as a batch. Their decisions have no times of their
+own then, and a flight's seconds are an equal share of the batch's; `agents.evaluation.timing`
+measures what decisions cost.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.evaluation import provenance, records
+from agents.evaluation.records import Pack, Record, Trace, record_of, trace_of
+from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
+from agents.flights.flight import Flight, fly_by_name
+from agents.policies.registry import plain_agent
+from agents.runtime.kernels import compile_kernels, small_field
+
+PANELS = 4
+"""Fields drawn in a policy's picture, the first ones."""
+_ONE_AT_A_TIME = threading.Lock()
+"""Clusters may give a process several chunks at once; compiled code may not fly them so."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """Flights of one policy."""
+
+    chunk: int
+    """Number of the chunk that they belong to."""
+    policy: str
+    flights: Sequence[tuple[Source, int]]
+    """Field and seed of each."""
+    first: int
+    """Index of the first among those of the policy."""
+    drawn: Sequence[bool]
+    """Whether each will be drawn."""
+    together: int | None = None
+    """Flights of an agent in the air together; None: `agents.flights.batched.TOGETHER`."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What came of a task."""
+
+    chunk: int
+    flown: Pack
+    versions: dict[str, str]
+    """Of the libraries it was flown with."""
+    models: list[str]
+    """Hashes of the models' files."""
+
+
+def task_of(request: Request, chunk: Chunk, together: int | None = None) -> Task:
+    """The task that flies a chunk."""
+    numbers = range(chunk.first, chunk.last)
+    drawn = to_draw(request)
+    return Task(
+        chunk=chunk.number,
+        policy=chunk.policy,
+        flights=[request.flight(k) for k in numbers],
+        first=chunk.first,
+        drawn=[k in drawn for k in numbers],
+        together=together,
+    )
+
+
+def to_draw(request: Request) -> range:
+    """Which flights of each policy are drawn: through the first fields, with the first seed."""
+    return range(0, min(PANELS, len(request.fields)) * len(request.seeds), len(request.seeds))
+
+
+def alone(task: Task) -> list[Task]:
+    """Tasks of a single flight each, which together are a task."""
+    return [
+        Task(
+            chunk=task.chunk,
+            policy=task.policy,
+            flights=[flight],
+            first=task.first + k,
+            drawn=[task.drawn[k]],
+            together=task.together,
+        )
+        for k, flight in enumerate(task.flights)
+    ]
+
+
+def fly_task(task: Task, look: Callable[[], None] = lambda: None) -> Answer:
+    """Fly a task: a function of it but for its times, wherever it is flown.
+
+    Args:
+        task: which flights.
+        look: called after each flight; may raise, to stop.
+
+    Raises:
+        ValueError: an agent that cannot be loaded here.
+    """
+    with _ONE_AT_A_TIME:
+        compile_kernels()
+        flown = _batch(task) if is_batched(task.policy) else _one_by_one(task, look)
+        return Answer(
+            chunk=task.chunk,
+            flown=records.pack(flown),
+            versions=provenance.versions(),
+            models=list(provenance.models(task.policy).values()),
+        )
+
+
+def _one_by_one(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
+    flown = []
+    for (source, seed), drawn in zip(task.flights, task.drawn, strict=True):
+        field = field_of(source)
+        try:
+            flight = fly_by_name(task.policy, field, seed)
+        except Exception as error:
+            error.add_note(f"while {task.policy} flew the field {field.name}, seed {seed}")
+            raise
+        flown.append((record_of(flight), trace_of(flight, drawn)))
+        look()
+    return flown
+
+
+def _batch(task: Task) -> list[tuple[Record, Trace]]:
+    from agents.flights.batched import TOGETHER, fly_batch
+    from agents.models.shipped_agents import find
+    from agents.policies.network_policy import pilot
+
+    place = find(plain_agent(task.policy))
+    if place is None:
+        raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
+    ready = pilot(place)
+    fields = [field_of(source) for source, _ in task.flights]
+    fly_batch(ready.model, [small_field()])  # what is compiled at first is not timed
+    began = time.perf_counter()
+    batch = fly_batch(ready.model, fields, task.together or TOGETHER)
+    share = (time.perf_counter() - began) / len(fields)
+    flown = []
+    for k, (one, (_, seed)) in enumerate(zip(batch, task.flights, strict=True)):
+        flight = Flight(
+            policy=task.policy,
+            field=one.field,
+            seed=seed,
+            outcome=one.outcome,
+            control=np.asarray(one.control),
+            refused=one.refused,
+            clearance=one.clearance,
+            seconds=share,
+            decision_seconds=[],
+            decisions=[],
+        )
+        flown.append((record_of(flight), trace_of(flight, task.drawn[k])))
+    return flown
+
+
+def end_with(parent: int) -> None:
+    """Let this process end when the one that started it has ended, however that was."""
+    if os.name != "posix":  # elsewhere a process keeps its parent's number
+        return
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

@@ -1,0 +1,147 @@
+"""What an evaluation is asked for, and how its flights are divided into chunks.
+
+The flights come in the order of flights.csv: policy after policy, field after field, seed after
+seed. A chunk is a stretch of them with one policy.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
+from typing import Any
+
+from agents.evaluation import provenance
+from agents.policies.registry import SHIELDED, imagines, is_planner
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+
+PLANNED, BATCHED = 10, 256
+"""Flights in a chunk, of planners and of agents that fly in batches; those of unfinished chunks
+are flown again after an interruption."""
+Source = str | Field
+"""A field, or the name of one that means the same everywhere: `standard/test:7`."""
+
+
+def name_of(source: Source) -> str:
+    """The field's name."""
+    return source if isinstance(source, str) else source.name
+
+
+def field_of(source: Source) -> Field:
+    """The field itself, drawn if need be."""
+    return one(source) if isinstance(source, str) else source
+
+
+def is_batched(policy: str) -> bool:
+    """Whether a policy is an agent alone, which flies many fields at once."""
+    return not (policy.endswith(SHIELDED) or is_planner(policy) or imagines(policy))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunk:
+    """Flights first to last (not included) of those of a policy."""
+
+    number: int
+    policy: str
+    first: int
+    last: int
+
+    def __len__(self) -> int:
+        return self.last - self.first
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """Which flights are wanted: they are a function of it.
+
+    Raises:
+        ValueError: nothing to fly.
+    """
+
+    policies: Sequence[str]
+    fields: Sequence[Source]
+    seeds: Sequence[int]
+    """Policy seeds."""
+    chunk: int | None = None
+    """Flights in a chunk; None: `BATCHED` or `PLANNED`. It changes no flight."""
+    software: Mapping[str, Any] = field(default_factory=provenance.software)
+    """Versions and commit, which may change flights."""
+
+    def __post_init__(self) -> None:
+        for what in ("policies", "fields", "seeds"):
+            if not getattr(self, what):
+                raise ValueError(f"nothing to fly: no {what}")
+
+    @property
+    def flights(self) -> int:
+        """Number of flights."""
+        return len(self.policies) * self.each
+
+    @property
+    def each(self) -> int:
+        """Number of flights of a policy."""
+        return len(self.fields) * len(self.seeds)
+
+    def flight(self, index: int) -> tuple[Source, int]:
+        """Field and seed of a flight, in the order of those of a policy."""
+        place, turn = divmod(index, len(self.seeds))
+        return self.fields[place], self.seeds[turn]
+
+    @cached_property
+    def chunks(self) -> list[Chunk]:
+        """All chunks, in order."""
+        parts: list[Chunk] = []
+        for policy in self.policies:
+            size = self.chunk or (BATCHED if is_batched(policy) else PLANNED)
+            for first in range(0, self.each, size):
+                last = min(first + size, self.each)
+                parts.append(Chunk(number=len(parts), policy=policy, first=first, last=last))
+        return parts
+
+    def keys(self, chunk: Chunk) -> Iterator[tuple[str, str, int]]:
+        """Policy, field and seed of the flights in a chunk."""
+        for index in range(chunk.first, chunk.last):
+            source, seed = self.flight(index)
+            yield chunk.policy, name_of(source), seed
+
+    @cached_property
+    def configuration(self) -> dict[str, Any]:
+        """What makes it this request, as values that JSON has."""
+        given = [source for source in self.fields if isinstance(source, Field)]
+        return {
+            "policies": {policy: provenance.models(policy) for policy in self.policies},
+            "fields": spans([name_of(source) for source in self.fields]),
+            "files": {one.name: provenance.hash_field(one) for one in given},
+            "seeds": spans([f":{seed}" for seed in self.seeds]),
+            "chunk": self.chunk or [PLANNED, BATCHED],
+            **self.software,
+        }
+
+    @cached_property
+    def digest(self) -> str:
+        """Short, and different for any other request."""
+        text = json.dumps(self.configuration, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+
+def spans(names: Sequence[str]) -> list[str]:
+    """Names in order, those that count on drawn together: `paper:1-4`, `:0-9` as `0-9`."""
+    told: list[str] = []
+    numbered = [(*name.rpartition(":")[::2], place) for place, name in enumerate(names)]
+    for _, group in groupby(numbered, lambda one: _run(*one)):
+        run = list(group)
+        family, first, _ = run[0]
+        last = run[-1][1]
+        numbers = first if len(run) == 1 else f"{first}-{last}"
+        told.append(f"{family}:{numbers}" if family else numbers)
+    return told
+
+
+def _run(family: str, number: str, place: int) -> tuple[str, int | str]:
+    # names that count on keep the same difference to their place
+    counts = number.isdecimal() and str(int(number)) == number
+    return family, int(number) - place if counts else f"{number} {place}"

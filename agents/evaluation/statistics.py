@@ -1,0 +1,332 @@
+"""Statistics of an evaluation: of each policy, of pairs of them, and how sure they are.
+
+Failures are never dropped. In SPL a failure counts 0; a gap of a failure is infinite; in a
+comparison a failure loses against any success. Only fields whose shortest path is not known
+have no part in gaps, and for all policies alike. Intervals are for 95 %.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.stats import binomtest, norm, trim_mean
+
+from agents.evaluation.bootstrap import (
+    RESAMPLES,
+    percentiles,
+    resampled_means,
+    resampled_quartile_means,
+)
+from agents.evaluation.flight_table import FlightTable, read
+from agents.flights.metrics import CONFIDENCE, Interval, quantile, share_within
+from ferguson_gym.runtime.arrays import Array
+
+TIE = 1e-5
+"""Lengths [m] that differ by no more are alike: the tolerance of every test of a flight."""
+LEAST_GAP = 1e-5
+"""Where performance profiles begin; smaller gaps are all the same."""
+FEW = 20
+"""Fields below which readers are warned of intervals."""
+_LEVELS = 241
+"""Of a performance profile, at equal ratios."""
+
+HOW = {
+    "success": "Share of flights that were feasible and ended on the goal; Wilson's interval, over "
+    "fields: several policy seeds on a field count as one trial, since they may all be alike.",
+    "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and "
+    "so does a field without a known shortest path. Bootstrap interval over fields, and over "
+    "policy seeds where there are several.",
+    "gap": "Length / exact - 1; a failure's is infinite, so that the median, the interquartile "
+    "mean and the percentiles are infinite for policies that fail too often. Fields without a "
+    "known shortest path are left out, for all policies. Bootstrap interval as for SPL.",
+    "pairs": "On the same fields and seeds. Success: exact McNemar test on the fields where one "
+    "policy succeeds (with several seeds: succeeds more often) than the other, also "
+    "adjusted by Holm for the number of pairs. SPL: paired bootstrap.",
+    "improvement": "Share of flights in which the first is shorter; alike within 1e-5 m, or both "
+    "failed, counts half; a failure loses against any success.",
+    "profiles": "Share of flights with a gap of at most x; a failure never has one.",
+    "times": "Measured on up to 20 flights of each policy, one policy at a time, when nothing else "
+    "of the evaluation ran: median and 99th percentile over all decisions, median over flights. "
+    "Results that lack them show medians and 99th percentiles over flights as they were flown.",
+}
+"""What each statistic is and how it treats failures, for people."""
+
+
+def summarise(directory: str | Path, seed: int = 0) -> dict[str, Any]:
+    """Statistics of a results directory, as `summary` has them.
+
+    Raises:
+        ValueError: as `agents.evaluation.flight_table.read`.
+    """
+    return summary(read(Path(directory)), seed)
+
+
+def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
+    """All statistics as JSON values; the same flights and seed give the same.
+
+    What is infinite or does not exist is None: a gap is infinite where `gap_flights` is not 0.
+
+    Args:
+        flights: of an evaluation.
+        seed: of the bootstrap.
+
+    Returns:
+        `policies` and `pairs`, a list of objects each; `profiles` with `gap`, the levels, and
+        `shares` by policy; `how`, what the statistics mean; `confidence`, `resamples`, `seed`.
+    """
+    policies = policy_statistics(flights, seed)
+    gaps = _gaps(flights)
+    levels = profile_levels(flights.gap[flights.success])
+    return {
+        "flights": len(flights),
+        "fields": len(flights.fields),
+        "seeds": len(flights.seeds),
+        "confidence": CONFIDENCE,
+        "resamples": RESAMPLES,
+        "seed": seed,
+        "how": HOW,
+        "policies": policies,
+        "pairs": pair_statistics(flights, seed),
+        "profiles": {
+            "gap": [float(f"{level:.4g}") for level in levels],
+            "shares": {
+                name: np.round(share_within(list(_known(gaps[k])), levels), 6).tolist()
+                for k, name in enumerate(flights.policies)
+            },
+        },
+    }
+
+
+def path_shares(flights: FlightTable) -> Array:
+    """Parts of all flights in SPL, (n,); 0 for failures and without a shortest path."""
+    known = flights.success & np.isfinite(flights.exact)
+    shares: Array = np.zeros(len(flights))
+    exact = flights.exact[known]
+    shares[known] = exact / np.maximum(flights.length[known], exact)
+    return shares
+
+
+def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
+    """Of each policy: success, SPL, gaps, times; `HOW` says how failures are treated."""
+    if len(flights) == 0:
+        return []
+    shares = flights.grid(path_shares(flights))
+    spl = resampled_means(shares, seed)
+    gaps = _gaps(flights)
+    found = []
+    for k, name in enumerate(flights.policies):
+        mine = flights.policy == k
+        successes = int(flights.success[mine].sum())
+        number = int(mine.sum())
+        known = _known(gaps[k])
+        fields = len(np.unique(flights.field[mine]))
+        success = share_interval(successes / number, fields)
+        spl_interval = percentiles(spl[:, k], fields)
+        mean_interval = percentiles(resampled_quartile_means(gaps[k], seed), fields)
+        found.append(
+            {
+                "policy": name,
+                "flights": number,
+                "fields": fields,
+                "successes": successes,
+                "outcomes": _counts([flights.outcome[i] for i in np.flatnonzero(mine)]),
+                "success": successes / number,
+                "success_low": success.low,
+                "success_high": success.high,
+                "spl": float(np.nanmean(shares[k])),
+                **_bounds("spl", spl_interval),
+                "gap_flights": len(known),
+                "gap_median": _finite(quantile(known.tolist(), 0.5)),
+                "gap_iqm": _finite(interquartile_mean(known)),
+                **_bounds("gap_iqm", mean_interval),
+                "gap_90": _finite(quantile(known.tolist(), 0.9)),
+                "gap_99": _finite(quantile(known.tolist(), 0.99)),
+                **_times({name: _known(seconds[mine]) for name, seconds in flights.times.items()}),
+            }
+        )
+    return found
+
+
+def _times(seconds: Mapping[str, Array]) -> dict[str, float | None]:
+    median, slowest, whole = (values.tolist() for values in seconds.values())
+    return {
+        "decision_seconds_median": quantile(median, 0.5),
+        "slowest_decision_seconds_99": quantile(slowest, 0.99),
+        "flight_seconds_median": quantile(whole, 0.5),
+        "flight_seconds_99": quantile(whole, 0.99),
+    }
+
+
+def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
+    """Of each pair of policies on the same fields and seeds; `HOW` says how failures count."""
+    pairs = list(itertools.combinations(range(len(flights.policies)), 2))
+    if not pairs:
+        return []
+    shares = flights.grid(path_shares(flights))
+    lengths = flights.grid(np.where(flights.success, flights.length, math.inf))
+    first, second = (np.array(side) for side in zip(*pairs, strict=True))
+    better = improvement(lengths[first], lengths[second])
+    drawn_spl = resampled_means(shares[first] - shares[second], seed)
+    drawn_better = resampled_means(better, seed)
+    won = [success_wins(lengths[a], lengths[b]) for a, b in pairs]
+    chances = [mcnemar(*wins) for wins in won]
+    found = []
+    for k, ((a, b), adjusted) in enumerate(zip(pairs, holm(chances), strict=True)):
+        together = ~np.isnan(better[k])
+        fields = int(together.any(axis=1).sum())
+        if fields == 0:
+            continue
+        found.append(
+            {
+                "first": flights.policies[a],
+                "second": flights.policies[b],
+                "flights": int(together.sum()),
+                "first_wins": won[k][0],
+                "second_wins": won[k][1],
+                "mcnemar_p": chances[k],
+                "mcnemar_p_holm": adjusted,
+                "spl_difference": float(np.nanmean(shares[a] - shares[b])),
+                **_bounds("spl_difference", percentiles(drawn_spl[:, k], fields)),
+                "improvement": float(np.nanmean(better[k])),
+                **_bounds("improvement", percentiles(drawn_better[:, k], fields)),
+            }
+        )
+    return found
+
+
+def share_interval(share: float, number: int) -> Interval:
+    """Wilson's interval of a chance, of which `share` was seen in `number` trials.
+
+    As `agents.flights.metrics.success_interval`, but the share may lie between two counts: it may
+    be a mean over several seeds of each trial.
+    """
+    z = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    middle = (share + z * z / (2.0 * number)) / (1.0 + z * z / number)
+    half = z / (1.0 + z * z / number)
+    half *= math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number**2))
+    # at the ends rounding would leave them by a last digit
+    return Interval(0.0 if share == 0.0 else middle - half, 1.0 if share == 1.0 else middle + half)
+
+
+def interquartile_mean(values: ArrayLike) -> float | None:
+    """Mean without the least and the greatest quarter; None without values.
+
+    With failures as infinity it is finite as long as no more than a quarter failed.
+
+    Reference:
+        Agarwal et al. (2021), Deep reinforcement learning at the edge of the statistical
+        precipice, NeurIPS 34.
+    """
+    values = np.asarray(values, float)
+    return float(trim_mean(values, 0.25)) if len(values) else None
+
+
+def success_wins(first: Array, second: Array) -> tuple[int, int]:
+    """On how many fields the first succeeds more often than the second, and the reverse.
+
+    Args:
+        first: lengths (fields, seeds) [m]: infinite for failures, NaN where not flown.
+        second: likewise; seeds that only one of them flew do not count.
+    """
+    together = ~(np.isnan(first) | np.isnan(second))
+    lead = ((np.isfinite(first) & together).sum(1)) - ((np.isfinite(second) & together).sum(1))
+    return int((lead > 0).sum()), int((lead < 0).sum())
+
+
+def mcnemar(first: int, second: int) -> float:
+    """Chance of wins so unequal, or more, if both were equally good: McNemar's exact test.
+
+    Args:
+        first: fields on which only the first succeeded.
+        second: fields on which only the second did. Fields where both succeed or both fail
+            tell nothing of the difference.
+
+    Reference:
+        McNemar (1947), Note on the sampling error of the difference between correlated
+        proportions or percentages, Psychometrika 12.
+
+    Example:
+        >>> round(mcnemar(1, 9), 4)
+        0.0215
+    """
+    return float(binomtest(first, first + second).pvalue) if first + second else 1.0
+
+
+def holm(chances: list[float]) -> list[float]:
+    """Chances of several tests, adjusted so that all hold together.
+
+    Reference:
+        Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian
+        Journal of Statistics 6.
+    """
+    order = np.argsort(chances, kind="stable")
+    factors = np.arange(len(chances), 0, -1)
+    raised = np.maximum.accumulate(np.array(chances)[order] * factors)
+    adjusted = np.empty(len(chances))
+    adjusted[order] = np.minimum(raised, 1.0)
+    return [float(chance) for chance in adjusted]
+
+
+def improvement(first: Array, second: Array) -> Array:
+    """1 where the first is shorter, 0 where it is longer, a half where they are alike.
+
+    Args:
+        first: lengths [m], any shape: infinite for failures, NaN where not flown. A failure
+            loses against any success; two failures are alike.
+        second: likewise.
+
+    Returns:
+        The same shape, NaN where either was not flown.
+    """
+    with np.errstate(invalid="ignore"):  # infinity less infinity
+        alike = (np.abs(first - second) <= TIE) | (first == second)
+    better = np.where(alike, 0.5, (first < second).astype(float))
+    better[np.isnan(first) | np.isnan(second)] = math.nan
+    return better
+
+
+def caution(found: Mapping[str, Any]) -> str | None:
+    """What a summary's readers should know first, if it compares policies on a few fields."""
+    if found["fields"] >= FEW or len(found["policies"]) < 2:
+        return None
+    return (
+        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and nothing "
+        "is certain."
+    )
+
+
+def profile_levels(gaps: Array) -> Array:
+    """Levels of a performance profile, at equal ratios from `LEAST_GAP` to beyond all gaps."""
+    greatest = max([10.0 * LEAST_GAP, *gaps[np.isfinite(gaps)]])
+    return np.geomspace(LEAST_GAP, 1.1 * greatest, _LEVELS)
+
+
+def _gaps(flights: FlightTable) -> Array:
+    """(policies, fields, seeds); infinite for failures, NaN without flight or shortest path."""
+    gaps = np.where(flights.success, flights.gap, math.inf)
+    gaps[np.isnan(flights.exact)] = math.nan
+    return flights.grid(gaps)
+
+
+def _known(values: Array) -> Array:
+    return values[~np.isnan(values)]
+
+
+def _finite(value: float | None) -> float | None:
+    return value if value is not None and math.isfinite(value) else None
+
+
+def _bounds(name: str, interval: Interval | None) -> Mapping[str, float | None]:
+    low, high = interval or (None, None)
+    return {f"{name}_low": _finite(low), f"{name}_high": _finite(high)}
+
+
+def _counts(outcomes: list[str]) -> dict[str, int]:
+    return dict(Counter(outcomes).most_common())

@@ -1,0 +1,265 @@
+"""What the terminal shows of an evaluation: the tables of its summary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+from rich.table import Table
+from rich.text import Text
+
+from agents.evaluation.statistics import caution
+from agents.evaluation.summary import timed
+from agents.runtime.terminal_tables import empty_table
+from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.paper_fields import TABLE_I
+
+_NONE = "-"
+_TO = "\N{EN DASH}"
+_INFINITE = "inf"
+_OUTCOMES = {outcome.label: outcome.sentence for outcome in Outcome}
+
+
+def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
+    """Tables and sentences on all policies, in the order in which they are shown.
+
+    Args:
+        summary: the object of summary.json.
+    """
+    found = summary["statistics"]
+    found = {**found, "policies": timed(found["policies"], summary["policies"])}
+    yield policies(found)
+    remarks = [
+        *failures(found),
+        *without_gap(found),
+        *filter(None, [caution(found)]),
+        *(
+            f"{one['policy']} is stopped by a clock: its flights do not repeat"
+            for one in summary["policies"]
+            if one["stopped_by_clock"]
+        ),
+    ]
+    if remarks:
+        yield ""
+        yield from remarks
+    for table in (
+        against_the_best(found),
+        shields(summary.get("shields", ())),
+        paper(summary.get("paper", ())),
+    ):
+        if table is not None:
+            yield ""
+            yield table
+
+
+def policies(found: Mapping[str, Any]) -> Table:
+    """A row for each policy, the highest SPL first; intervals in brackets.
+
+    Args:
+        found: as `agents.evaluation.statistics.summary` returns it.
+    """
+    fields, seeds = found["fields"], found["seeds"]
+    table = empty_table(
+        f"{_number(fields, 'field')}, {_number(seeds, 'policy seed')}; in brackets 95 % intervals",
+        "policy",
+        "success\n[%]",
+        "SPL",
+        "median\ngap [%]",
+        "99 %\ngap [%]",
+        "decision\n99 % [ms]",
+        "flight\n[ms]",
+        caption="SPL: mean of shortest / flown length, failures count 0; gap: flown beyond "
+        "shortest length, a failure's is infinite; decision: 99th percentile, to which "
+        "the first counts, where whole paths are planned; flight: median",
+    )
+    for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
+        table.add_row(
+            Text(one["policy"]),
+            _with_interval(one, "success", _share),
+            _with_interval(one, "spl", lambda share: f"{share:.3f}"),
+            _gap(one, "gap_median"),
+            _gap(one, "gap_99"),
+            _milliseconds(one.get("decision_seconds_99")),
+            _milliseconds(one["flight_seconds_median"]),
+        )
+    return table
+
+
+def failures(found: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence for each policy that failed: how often, and how."""
+    for one in found["policies"]:
+        causes = {
+            _OUTCOMES.get(label, label): number
+            for label, number in one["outcomes"].items()
+            if label != Outcome.GOAL_REACHED.label
+        }
+        if causes:
+            told = ", ".join(f"{number} x {cause}" for cause, number in causes.items())
+            yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {told}"
+
+
+def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence on flights that cannot have a gap, if there are any."""
+    flights = sum(one["flights"] - one["gap_flights"] for one in found["policies"])
+    if flights:
+        yield (
+            f"no shortest path is known for {_number(flights, 'flight')}: they have no part in "
+            "gaps, and count 0 in SPL"
+        )
+
+
+def against_the_best(found: Mapping[str, Any]) -> Table | None:
+    """The policy with the highest SPL in pairs with all others; None where none can be compared.
+
+    A single field tells of no other, so there is nothing to compare on it.
+    """
+    if not found["pairs"] or found["fields"] < 2:
+        return None
+    best = max(found["policies"], key=lambda one: float(one["spl"]))["policy"]
+    table = empty_table(
+        f"{best} against the others, on the same fields and seeds",
+        "against",
+        "SPL difference",
+        "shorter\n[%]",
+        "won : lost",
+        "its p",
+        caption="shorter: in which share of flights, ties half, a failure loses against any "
+        "success; won, lost: fields on which only one of the two arrives; its p: McNemar's "
+        "exact test of these arrivals, adjusted by Holm for all pairs",
+    )
+    spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
+    rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]
+    for pair in sorted(rows, key=lambda pair: -spl[pair["first"]] - spl[pair["second"]]):
+        turned = pair["second"] == best
+        wins = pair["first_wins"], pair["second_wins"]
+        table.add_row(
+            Text(pair["first"] if turned else pair["second"]),
+            _with_interval(
+                _turned(pair, "spl_difference", 0.0) if turned else pair,
+                "spl_difference",
+                lambda difference: f"{difference:+.3f}",
+                " to ",
+            ),
+            _with_interval(
+                _turned(pair, "improvement", 1.0) if turned else pair, "improvement", _share
+            ),
+            " : ".join(map(str, wins[::-1] if turned else wins)),
+            _chance(pair["mcnemar_p_holm"]),
+        )
+    return table if rows else None
+
+
+def shields(told: Sequence[Mapping[str, Any]]) -> Table | None:
+    """How much of their flights shielded policies handed over, and why; None if none was.
+
+    Args:
+        told: as `agents.evaluation.summary.shields` returns it.
+    """
+    table = empty_table(
+        "Steps that the shield handed over",
+        "policy",
+        "steps",
+        "handed\nover [%]",
+        "untouched\nflights [%]",
+        "why, most often",
+    )
+    for one in told:
+        causes = list(one["causes"].items())[:3]
+        table.add_row(
+            Text(one["policy"]),
+            str(one["steps"]),
+            f"{100.0 * one['handed_over'] / one['steps']:.2f}",
+            f"{100.0 * one['untouched_flights'] / one['flights']:.1f}",
+            ", ".join(f"{cause} {number}" for cause, number in causes) or _NONE,
+        )
+    return table if told else None
+
+
+def paper(told: Sequence[Mapping[str, Any]]) -> Table | None:
+    """Flights through the paper's fields beside its Table I; None if there are none.
+
+    Args:
+        told: as `agents.evaluation.summary.on_paper` returns it.
+    """
+    table = empty_table(
+        "The paper's fields (reconstructed), in brackets its Table I",
+        "policy, field",
+        "arrived",
+        "segments",
+        "func. eval.",
+        "length [m]",
+        "shortest",
+        caption="medians over successes (-: none); (N/A): the paper found no path; no brackets: it "
+        "does not tell of this policy there",
+    )
+    for one in told:
+        policy, field = one["policy"], one["field"]
+        cells = [
+            _told(one["segments"], 0),
+            _told(one["evaluations"], 0),
+            _told(one["length"], 2),
+        ]
+        if (row := TABLE_I.get((policy, field))) is not None:
+            theirs = [
+                _told(row.segments, 0, "N/A"),
+                _told(row.evaluations, 0, "N/A"),
+                _told(row.length, 2, "N/A"),
+            ]
+            cells = [f"{ours} ({printed})" for ours, printed in zip(cells, theirs, strict=True)]
+        table.add_row(
+            Text(f"{policy} {field}"),
+            f"{one['successes']}/{one['flights']}",
+            *cells,
+            _told(one["exact_length"], 2),
+        )
+    return table if told else None
+
+
+def _number(number: int, what: str) -> str:
+    return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
+
+
+def _told(value: float | None, digits: int, none: str = _NONE) -> str:
+    return none if value is None else f"{value:.{digits}f}"
+
+
+def _turned(pair: Mapping[str, Any], key: str, whole: float) -> dict[str, float | None]:
+    """A value and its interval, seen from the second policy's side."""
+    low, high = pair[f"{key}_low"], pair[f"{key}_high"]
+    return {
+        key: whole - pair[key],
+        f"{key}_low": None if high is None else whole - high,
+        f"{key}_high": None if low is None else whole - low,
+    }
+
+
+def _with_interval(
+    one: Mapping[str, Any], key: str, told: Callable[[float], str], until: str = _TO
+) -> str:
+    low, high = one[f"{key}_low"], one[f"{key}_high"]
+    if low is None or high is None:
+        return told(one[key])
+    return f"{told(one[key])} ({told(low)}{until}{told(high)})"
+
+
+def _gap(one: Mapping[str, Any], key: str) -> str:
+    if one[key] is None:
+        return _INFINITE if one["gap_flights"] else _NONE
+    # a shortest path is not a little shorter than itself
+    percent = 100.0 * one[key]
+    return f"{round(percent, 2) + 0.0:.2f}" if percent < 9.995 else f"{percent:.1f}"
+
+
+def _share(share: float) -> str:
+    return f"{100.0 * share:.1f}"
+
+
+def _milliseconds(seconds: float | None) -> str:
+    if seconds is None:
+        return _NONE
+    digits = 2 if seconds < 1e-3 else 1 if seconds < 0.1 else 0
+    return f"{1e3 * seconds:,.{digits}f}"
+
+
+def _chance(p: float) -> str:
+    return f"{p:.4f}" if p >= 1e-4 else "< 0.0001"

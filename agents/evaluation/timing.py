@@ -1,0 +1,92 @@
+"""What decisions cost: some flights flown again, one policy at a time, when nothing else flies.
+
+While an evaluation flies, workers share the machine and agents decide for many flights at once.
+So its clocks tell how long it took, and not what a policy costs to those who fly it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.evaluation.request import Request, field_of
+from agents.flights.flight import fly
+from agents.policies.registry import make_policy
+from agents.policies.warm_up import warm_policy
+
+MOST = 20
+"""Flights that are timed, of a policy that is fast enough."""
+BUDGET = 2.0
+"""Seconds after which no further flight of a policy is begun."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timing:
+    """Times of a policy's flights, alone and one after the other."""
+
+    policy: str
+    decisions: Sequence[float]
+    """Of all flights [s]."""
+    flights: Sequence[float]
+    """Seconds of each flight whole: deciding, checking and flying every segment."""
+
+    def told(self) -> dict[str, float | int | None]:
+        """As summary.json has it; what was not measured is None."""
+        return {
+            "timed_flights": len(self.flights),
+            "timed_decisions": len(self.decisions),
+            "decision_seconds_median": _quantile(self.decisions, 0.5),
+            "decision_seconds_99": _quantile(self.decisions, 0.99),
+            "flight_seconds_median": _quantile(self.flights, 0.5),
+        }
+
+
+def measure(
+    request: Request,
+    policy: str,
+    budget: float = BUDGET,
+    look: Callable[[], None] = lambda: None,
+) -> Timing:
+    """Time a policy, on flights that are spread evenly over those of a request.
+
+    Args:
+        request: which flights there are.
+        policy: one of its policies.
+        budget: seconds after which no further flight is begun; one is flown in any case.
+        look: called after each flight; may raise, to stop.
+
+    Raises:
+        ValueError: an agent that cannot be loaded.
+    """
+    ready = make_policy(policy)  # agents are ready when they are loaded
+    warm_policy(policy)
+    decisions: list[float] = []
+    flights: list[float] = []
+    began = time.perf_counter()
+    for index in _spread(request.each, MOST):
+        source, seed = request.flight(index)
+        flown = fly(ready, policy, field_of(source), seed)
+        decisions += flown.decision_seconds
+        flights.append(flown.seconds)
+        look()
+        if time.perf_counter() - began > budget:
+            break
+    return Timing(policy=policy, decisions=decisions, flights=flights)
+
+
+def _spread(number: int, most: int) -> list[int]:
+    """Indices below a number, spread evenly, and so are the first few of them."""
+    even = np.linspace(0, number - 1, min(number, most)).round().astype(int).tolist()
+    order: list[int] = []
+    step = len(even)
+    while len(order) < len(even):
+        order += [k for k in range(0, len(even), max(step, 1)) if k not in order]
+        step //= 2
+    return [even[k] for k in order]
+
+
+def _quantile(values: Sequence[float], share: float) -> float | None:
+    return float(np.quantile(values, share)) if values else None

@@ -1,0 +1,1 @@
+"""Flying policies through fields, one by one or in batches, and what is measured of a flight."""

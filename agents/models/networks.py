@@ -1,0 +1,80 @@
+"""Policies by name: which class of Stable-Baselines3 each algorithm makes of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from sb3_contrib.tqc.policies import MultiInputPolicy as TQCPolicy
+from stable_baselines3.common.policies import BasePolicy, MultiInputActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.sac.policies import MultiInputPolicy as SACPolicy
+from stable_baselines3.td3.policies import MultiInputPolicy as TD3Policy
+from torch import nn
+
+from agents.models.architecture import MIXTURE, ON_POLICY, PLAIN, SETS
+from agents.models.extractors import Attention, DeepSets, Plain
+from agents.models.mixture import MixturePolicy
+
+_FEATURES: dict[str, type[BaseFeaturesExtractor]] = {
+    PLAIN: Plain,
+    SETS: DeepSets,
+    "attention": Attention,
+}
+POLICIES = (*_FEATURES, *(f"{name}{MIXTURE}" for name in _FEATURES))
+"""Names of policies."""
+
+_CLASSES: dict[str, type[BasePolicy]] = {
+    **dict.fromkeys(ON_POLICY, MultiInputActorCriticPolicy),
+    "sac": SACPolicy,
+    "td3": TD3Policy,
+    "tqc": TQCPolicy,
+}
+_ACTIVATIONS: dict[str, type[nn.Module]] = {
+    "elu": nn.ELU,
+    "gelu": nn.GELU,
+    "relu": nn.ReLU,
+    "silu": nn.SiLU,
+    "tanh": nn.Tanh,
+}
+
+
+def policy_class(algorithm: str, name: str) -> type[BasePolicy]:
+    """The class of a policy, over observations that are dictionaries.
+
+    Raises:
+        ValueError: an unknown algorithm or policy.
+    """
+    if algorithm not in _CLASSES:
+        raise ValueError(f"unknown algorithm {algorithm!r}; known are {', '.join(_CLASSES)}")
+    if name not in POLICIES:
+        raise ValueError(f"unknown policy {name!r}; policies are {', '.join(POLICIES)}")
+    if not name.endswith(MIXTURE):
+        return _CLASSES[algorithm]
+    if algorithm not in ON_POLICY:
+        raise ValueError(
+            f"{algorithm} takes no policy {name!r}; {', '.join(ON_POLICY)} do, and it takes "
+            f"{', '.join(_FEATURES)}"
+        )
+    return MixturePolicy
+
+
+def features(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """The `policy_kwargs` that Stable-Baselines3 is handed.
+
+    Args:
+        name: of the policy.
+        given: policy_kwargs as JSON and YAML hold them, classes by name.
+
+    Raises:
+        ValueError: an unknown activation.
+    """
+    kwargs = dict(given)
+    if (activation := kwargs.get("activation_fn")) is not None:
+        if activation not in _ACTIVATIONS:
+            raise ValueError(
+                f"unknown activation_fn {activation!r}; known are {', '.join(_ACTIVATIONS)}"
+            )
+        kwargs["activation_fn"] = _ACTIVATIONS[activation]
+    extractor = _FEATURES[name.removesuffix(MIXTURE)]
+    return {**kwargs, "features_extractor_class": extractor}

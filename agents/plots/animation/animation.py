@@ -1,0 +1,187 @@
+"""`ferguson animate`: a flight as a GIF, the receding horizon at work."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Literal, cast
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.markers import MarkerStyle
+from matplotlib.patches import Circle
+from matplotlib.transforms import Affine2D
+from rich.progress import Progress
+
+from agents.flights.flight import Flight
+from agents.plots.animation.frames import Shot, shots
+from agents.plots.animation.gif import Frame, Palette, write_gif
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+
+SIZE = 720
+"""Pixels along the longer side of the field; a narrow one still has room for the line below."""
+_DPI = 112
+_FRAME, _CAPTION = 8, 28
+"""Pixels around the field, and of the line below it."""
+_TITLE = 36
+"""Letters of the title at most, so that there is room for the caption."""
+_LEVELS = 16
+"""Bands of the distance to the goal."""
+_BANDS = "#cfe3d6", "#fafcfb"
+"""Their colours, the nearest first."""
+_SAMPLES = 6
+"""Frames whose colours make the palette."""
+_CELLS = 240
+"""Points of the distance's grid along each side."""
+_T = np.linspace(0.0, 1.0, 60)
+
+
+class Painter:
+    """Paints shots of one field; what does not change is painted once.
+
+    Under the shot lie the obstacles, bands of equal distance to the goal and the shortest path,
+    the latter two among discs in the plane only. From the end of a plan the shortest way on is
+    dotted.
+    """
+
+    def __init__(self, field: Field, title: str, *, surveyed: bool = True) -> None:
+        """Distances are shown of a field that was surveyed: of obstacles all known before."""
+        title = title if len(title) <= _TITLE else title[: _TITLE - 1] + "\N{HORIZONTAL ELLIPSIS}"
+        self._field = field
+        low, high = field.bounds
+        extent = (high - low) / (high - low).max()
+        width, height = np.maximum(SIZE * extent, (0.9 * SIZE, 0.1 * SIZE)).round()
+        wide, tall = width + 2 * _FRAME, height + 2 * _FRAME + _CAPTION
+        self._figure = Figure(figsize=(wide / _DPI, tall / _DPI), dpi=_DPI)
+        self._canvas = cast(Any, FigureCanvasAgg(self._figure))
+        place = (_FRAME / wide, (_FRAME + _CAPTION) / tall, width / wide, height / tall)
+        self._togo = _distance_to_go(field)
+        path = None if self._togo is None else self._togo.path(field.start)
+        self._shortest = np.empty((0, 2)) if path is None else path.points(0.5)
+        with mpl.rc_context(drawing.style()):
+            axes = self._figure.add_axes(place)
+            if self._togo is not None and surveyed:
+                _draw_levels(axes, field, self._togo)
+            drawing.draw_field(axes, field)
+            axes.set(xticks=[], yticks=[])
+            _write(self._figure, axes, title, "left")
+            self._canvas.draw()
+            self._background = self._canvas.copy_from_bbox(self._figure.bbox)
+            self._overlay = self._figure.add_axes(place)
+
+    def paint(self, shot: Shot) -> Frame:
+        """The frame of a shot."""
+        axes, field = self._overlay, self._field
+        with mpl.rc_context(drawing.style()):
+            axes.clear()
+            axes.set(xlim=field.bounds[:, 0], ylim=field.bounds[:, 1], aspect="equal")
+            axes.set_axis_off()
+            self._draw(axes, shot)
+            self._canvas.restore_region(self._background)
+            axes.draw(self._canvas.get_renderer())
+        return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3], dtype=np.uint8)
+
+    def _draw(self, axes: Axes, shot: Shot) -> None:
+        togo = self._togo
+        if shot.known is not None:
+            togo = _distance_to_go(shot.known)
+            drawing.draw_obstacles(axes, shot.known.obstacles, drawing.SEEN)
+        elif shot.origin is not None:
+            _draw_reach(axes, self._field, shot.origin, shot.reach)
+        axes.plot(*self._shortest.T, color="black", lw=0.8, alpha=0.45, zorder=2)
+        if shot.route is not None:
+            axes.plot(*shot.route.T, color=drawing.HORIZON, lw=0.8, alpha=0.6, zorder=2)
+        _draw_chains(axes, shot.candidates, lw=1.0, alpha=0.5, zorder=3)
+        for guess in shot.candidates:
+            axes.plot(*guess[:, 1].T, ".", color=drawing.HORIZON, alpha=0.6, ms=4, zorder=3)
+        if shot.start is not None:
+            _draw_chains(axes, [shot.start], lw=1.0, alpha=0.9, ls=(0, (2, 2)), zorder=3)
+        if len(shot.plan):
+            _draw_chains(axes, [shot.plan], lw=2.0, zorder=3)
+            knots = shot.plan[:, 1]
+            axes.plot(*knots.T, "o", mfc="white", mec=drawing.HORIZON, mew=0.9, ms=3.2, zorder=4)
+            ahead = None if togo is None else togo.path(knots[-1])
+            if ahead is not None:
+                axes.plot(*ahead.points(0.5).T, ":", color=drawing.HORIZON, lw=1.2, zorder=3)
+        drawing.draw_path(axes, shot.flown)
+        colour = drawing.SEGMENTS[len(shot.flown) % 2]
+        axes.plot(*shot.trail.T, color=colour, lw=1.8, zorder=4, solid_capstyle="round")
+        if shot.refused is not None:
+            drawing.draw_refused(axes, shot.refused)
+        if not np.array_equal(shot.position, self._field.goal):
+            _draw_vehicle(axes, shot.position, shot.heading)
+        axes.plot(*self._field.start, "o", color=drawing.START, ms=5, zorder=6)
+        axes.plot(*self._field.goal, "*", color=drawing.GOAL, ms=9, zorder=6)
+        _write(self._figure, axes, shot.caption, "right")
+
+
+def _distance_to_go(field: Field) -> DistanceToGo | None:
+    """None among other obstacles than discs in the plane."""
+    return DistanceToGo(field) if isinstance(field.obstacles, Discs) else None
+
+
+def _draw_levels(axes: Axes, field: Field, togo: DistanceToGo) -> None:
+    """Bands and lines of equal distance to the goal, the lighter the farther."""
+    x, y = (np.linspace(low, high, _CELLS) for low, high in field.bounds.T)
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    distance = togo(points.reshape(-1, 2))[0].reshape(_CELLS, _CELLS)
+    masked = np.ma.masked_invalid(distance)
+    if masked.count() == 0:
+        return
+    levels = np.linspace(0.0, float(masked.max()), _LEVELS + 1)
+    bands = LinearSegmentedColormap.from_list("bands", _BANDS)
+    axes.contourf(x, y, masked, levels, cmap=bands, zorder=0)
+    axes.contour(x, y, masked, levels, colors="white", linewidths=0.8, zorder=0)
+
+
+def _draw_reach(axes: Axes, field: Field, origin: Array, reach: float) -> None:
+    """How far a plan looks, and the obstacles that it sees."""
+    circle = Circle(
+        tuple(origin), reach, fill=False, ec=drawing.HORIZON, lw=0.8, ls=(0, (1, 3)), zorder=1
+    )
+    axes.add_patch(circle)
+    drawing.draw_obstacles(axes, field.obstacles.near(origin, reach), drawing.SEEN)
+
+
+def _draw_chains(axes: Axes, chains: Sequence[Array], **look: Any) -> None:
+    lines = [evaluate(chain, _T).reshape(-1, 2) for chain in chains]
+    axes.add_collection(LineCollection(lines, colors=drawing.HORIZON, **look), autolim=False)
+
+
+def _draw_vehicle(axes: Axes, position: Array, heading: Array) -> None:
+    dart = [(-0.5, 0.0), (-0.9, 0.75), (1.1, 0.0), (-0.9, -0.75), (-0.5, 0.0)]
+    turn = Affine2D().rotate(float(np.arctan2(heading[1], heading[0])))
+    marker = MarkerStyle(np.array(dart) @ turn.get_matrix()[:2, :2].T)
+    axes.plot(*position, marker=marker, ms=17, mfc="black", mec="white", mew=0.8, zorder=7)
+
+
+def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]) -> None:
+    """A text below the field."""
+    wide, tall = figure.get_size_inches() * _DPI
+    x = _FRAME / wide if side == "left" else 1.0 - _FRAME / wide
+    y = (0.5 * _CAPTION + 2) / tall
+    place = figure.transFigure
+    axes.text(x, y, text, transform=place, ha=side, va="center_baseline", parse_math=False)
+
+
+def animate(flight: Flight, path: Path, progress: Progress) -> int:
+    """Write a flight as a GIF; returns the number of frames."""
+    told = list(shots(flight))
+    surveyed = all(shot.known is None for shot in told)
+    title = f"{flight.policy} on {flight.field.name}"
+    painter = Painter(flight.field, title, surveyed=surveyed)
+    some = np.linspace(0, len(told) - 1, _SAMPLES).astype(int)
+    palette = Palette([painter.paint(told[k]) for k in some])
+    frames = map(painter.paint, progress.track(told, description="frames"))
+    write_gif(path, frames, [shot.seconds for shot in told], palette)
+    return len(told)

@@ -1,0 +1,129 @@
+"""Pictures of flights, on a grid that could stand in a paper."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.legend_handler import HandlerTuple
+from matplotlib.lines import Line2D
+
+from agents.flights.flight import Flight
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering import drawing
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.atomic_files import unwritable, written_whole
+
+SUFFIXES = (".png", ".pdf", ".svg")
+"""Formats a picture can be written in."""
+_WINDOWS = 3
+"""Planned horizons drawn in each panel, at most."""
+_ABANDONED = 0.5
+"""Distance [m] of a horizon's end from the flight beyond which it was not followed."""
+
+
+def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SUFFIXES) -> None:
+    """Check that a picture, or another thing of these suffixes, can be written there.
+
+    Raises:
+        ValueError: an unknown format, a directory, or one that does not exist or takes no files.
+    """
+    if path.suffix.lower() not in suffixes:
+        raise ValueError(f"{what}s are written as {', '.join(suffixes)}, not {path.name!r}")
+    if "\0" in str(path):
+        raise ValueError(f"the {what}'s name holds a character that no file's may: {str(path)!r}")
+    if path.is_dir():
+        raise ValueError(f"the {what} {path} is a directory")
+    if not path.parent.is_dir():
+        raise ValueError(f"no such directory for the {what}: {path.parent}")
+    if (reason := unwritable(path.parent)) is not None:
+        raise ValueError(f"cannot write the {what} in {path.parent.resolve()}: {reason}")
+
+
+def picture_of(policy: str) -> str:
+    """File name of a policy's picture; a policy may be named by a path."""
+    return re.sub(r"[/\\]", "-", policy) + ".png"
+
+
+def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None:
+    """Write a grid of flights, one panel each, in the format of the path's suffix."""
+    columns = min(len(flights), 2)
+    rows = -(-len(flights) // columns)
+    with mpl.rc_context(drawing.style()):
+        figure = Figure(figsize=(3.5 * columns, 3.62 * rows + 0.45), layout="constrained")
+        FigureCanvasAgg(figure)
+        grid = figure.subplots(rows, columns, squeeze=False)
+        for axes, flight in zip(grid.flat, flights, strict=False):
+            _draw_panel(axes, flight)
+        alike = len({flight.field.bounds.tobytes() for flight in flights}) == 1
+        if alike and len(flights) == rows * columns:
+            for axes in grid.flat:
+                axes.label_outer()
+        for axes in list(grid.flat)[len(flights) :]:
+            axes.set_visible(False)
+        if title:
+            figure.suptitle(title, fontsize=10, parse_math=False)
+        entries = _legend(flights)
+        figure.legend(
+            handles=list(entries.values()),
+            labels=list(entries),
+            handler_map={tuple: HandlerTuple(ndivide=None, pad=0.0)},
+            loc="outside lower center",
+            ncols=len(entries) if columns > 1 or len(entries) == 4 else 3,
+            frameon=False,
+            fontsize=7,
+            handlelength=2.4,
+            columnspacing=1.2,
+        )
+        with written_whole(path) as temporary:
+            figure.savefig(temporary)
+
+
+def _draw_panel(axes: Axes, flight: Flight) -> None:
+    drawing.draw_field(axes, flight.field)
+    drawing.draw_horizons(axes, _horizons(flight))
+    drawing.draw_path(axes, flight.control)
+    if flight.refused is not None:
+        drawing.draw_refused(axes, flight.refused)
+    title = f"{flight.field.name}: {len(flight.control)} segments, {flight.length:.2f} m"
+    if flight.gap is not None:
+        title += f", gap {100 * flight.gap:.2f} %"
+    if not flight.success:
+        title += f"\n{flight.outcome.sentence}"
+    axes.set_title(title, parse_math=False)
+
+
+def _horizons(flight: Flight) -> list[Array]:
+    """The planned windows that ended farthest from where the flight then went."""
+    chains = [
+        decision.chain
+        for decision in flight.decisions
+        if decision.chain is not None and decision.report.starts > 0
+    ]
+    if not chains:
+        return []
+    flown = evaluate(flight.control, np.linspace(0.0, 1.0, 30)).reshape(-1, 2)
+    ends = np.array([chain[-1, 1] for chain in chains])
+    aside = np.linalg.norm(ends[:, None] - flown, axis=-1).min(axis=1)
+    order = np.argsort(-aside, kind="stable")[:_WINDOWS]
+    return [chains[k] for k in order if aside[k] > _ABANDONED]
+
+
+def _legend(flights: Sequence[Flight]) -> dict[str, Line2D | tuple[Line2D, ...]]:
+    entries: dict[str, Line2D | tuple[Line2D, ...]] = {
+        "start": Line2D([], [], color=drawing.START, marker="o", ls="", ms=5),
+        "goal": Line2D([], [], color=drawing.GOAL, marker="*", ls="", ms=8),
+        "segments": tuple(Line2D([], [], color=color, lw=1.8) for color in drawing.SEGMENTS),
+        "knots": Line2D([], [], mfc="white", mec="#333333", marker="o", ls="", ms=3),
+    }
+    if any(_horizons(flight) for flight in flights):
+        entries["planned, then abandoned"] = Line2D([], [], color=drawing.HORIZON, ls="--", lw=0.9)
+    if any(flight.refused is not None for flight in flights):
+        entries["refused"] = Line2D([], [], color=drawing.REFUSED, ls=":", lw=1.6)
+    return entries

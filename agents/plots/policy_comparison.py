@@ -1,0 +1,135 @@
+"""Flights of several policies over the same fields: each field a panel, with its shortest path."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from agents.flights.flight import Flight
+from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.rendering.drawing import draw_field, style
+from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.shortest_paths.exact import shortest_path
+
+COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
+"""Of policies, in their order, as in the report; the first four are far apart for the
+colour-blind too."""
+COLUMNS = 3
+"""Panels in a row, at most."""
+_SIDE, _APART, _TITLE, _LINE = 2.32, 0.11, 0.24, 0.125
+"""Of panels: side, room between them, titles, lines below them [in]."""
+_SHORTEST: dict[str, Any] = {"color": "black", "ls": (0, (1, 1.6)), "lw": 1.0}
+_LETTERS = 39
+"""In the longest line below a panel that is written in letters of 7 pt."""
+_T = np.linspace(0.0, 1.0, 40)
+
+
+def draw_comparison(panels: Sequence[Sequence[Flight]], out: Path) -> None:
+    """Write the picture, in the format of the path's suffix.
+
+    Args:
+        panels: in each the flights of the same policies, in the same order, through one field.
+        out: where.
+
+    Raises:
+        ValueError: more policies than there are colours.
+    """
+    policies = max(len(flights) for flights in panels)
+    if policies > len(COLOURS):
+        raise ValueError(f"a picture has colours for {len(COLOURS)} policies, got {policies}")
+    columns = COLUMNS if len(panels) != 4 else 2
+    rows = math.ceil(len(panels) / columns)
+    columns = math.ceil(len(panels) / rows)
+    below = _LINE * (1 + policies) + _APART
+    width = columns * (_SIDE + _APART) + _APART
+    height = rows * (_TITLE + _SIDE + below)
+    with mpl.rc_context(style()):
+        figure = Figure(figsize=(width, height))
+        FigureCanvasAgg(figure)
+        for k, flights in enumerate(panels):
+            row, column = divmod(k, columns)
+            left = _APART + column * (_SIDE + _APART)
+            bottom = height - row * (_TITLE + _SIDE + below) - _TITLE - _SIDE
+            # by hand: a layout that minds the lists below would shrink the panels for long ones
+            axes = figure.add_axes((left / width, bottom / height, _SIDE / width, _SIDE / height))
+            _draw_panel(axes, flights)
+        with written_whole(out) as temporary:
+            figure.savefig(temporary)
+
+
+def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
+    field = flights[0].field
+    draw_field(axes, field)
+    axes.tick_params(labelbottom=False, labelleft=False)
+    handles: list[Line2D] = []
+    if flights[0].exact_length is not None and (path := shortest_path(field)) is not None:
+        axes.plot(*path.points(0.5).T, zorder=7, **_SHORTEST)
+        handles.append(Line2D([], [], label=f"shortest path: {path.length:.2f} m", **_SHORTEST))
+    for k, flight in enumerate(flights):
+        # the later the thinner, so that flights on the same way are all seen
+        above = len(flights) - 1 - k
+        look: dict[str, Any] = {
+            "color": COLOURS[k],
+            "lw": 1.2 + min(1.1, 5.5 / len(flights)) * above,
+        }
+        if len(flight.control):
+            points = evaluate(flight.control, _T).reshape(-1, 2)
+            axes.plot(*points.T, zorder=4, solid_capstyle="round", **look)
+        if not flight.success:
+            _draw_failure(axes, flight, COLOURS[k])
+        cross = {} if flight.success else _cross(6.0)
+        handles.append(Line2D([], [], label=_told(flight), **look, **cross))
+    axes.set_title(field.name, parse_math=False)
+    longest = max(len(str(handle.get_label())) for handle in handles)
+    legend = axes.legend(
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=(-0.01, 0.0),
+        fontsize=7.0 * min(1.0, _LETTERS / longest),
+        frameon=False,
+        labelspacing=0.25,
+        handlelength=1.6,
+        borderaxespad=0.2,
+        borderpad=0.2,
+    )
+    for text in legend.get_texts():
+        text.set_parse_math(False)
+
+
+def _draw_failure(axes: Axes, flight: Flight, colour: str) -> None:
+    """A cross where a flight ended, and the segment that it would have flown on."""
+    if flight.refused is not None:
+        axes.plot(*evaluate(flight.refused, _T).T, ":", color=colour, lw=1.2, zorder=5)
+    end = flight.control[-1, 1] if len(flight.control) else flight.field.start
+    axes.plot(*end, color=colour, zorder=9, **_cross(8.0))
+
+
+def _cross(size: float) -> dict[str, Any]:
+    return {"marker": "X", "ms": size, "mec": "white", "mew": 0.7}
+
+
+def _told(flight: Flight) -> str:
+    """A flight in a line."""
+    name = _name(flight.policy)
+    if not flight.success:
+        return f"{name}: {flight.outcome.label.replace('_', ' ')}, {flight.length:.1f} m"
+    gap = flight.gap
+    return f"{name}: {flight.length:.2f} m" + ("" if gap is None else f", {100.0 * gap:+.2f} %")
+
+
+def _name(policy: str) -> str:
+    """A policy's name; a path's last part, or the one before if that is a training's `best`."""
+    plain, plus, options = policy.partition("+")
+    place = Path(plain)
+    if place.is_dir():
+        plain = place.resolve().parent.name if place.name == "best" else place.resolve().name
+    return plain + plus + options

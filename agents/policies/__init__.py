@@ -1,0 +1,1 @@
+"""Policies: whatever flies the environment, by name."""

@@ -1,0 +1,69 @@
+"""Planners as policies: replanned at every step, or tracked."""
+
+from __future__ import annotations
+
+from agents.policies.interface import Expert
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
+from planners.interface import Decision, Plan, Planner, Replanner, Route, State
+from planners.rollout import successor
+
+
+class Replanning:
+    """A planner that decides anew at each step, from the state that was flown."""
+
+    route: Route | None = None
+
+    def __init__(self, planner: Replanner) -> None:
+        self._planner = planner
+        self.decisions: list[Decision] = []
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field."""
+        self._field, self._seed = field, seed
+        self._last: tuple[State, Array] | None = None
+        self.decisions = []
+
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
+        """The action that flies the first segment of the planner's decision."""
+        state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
+        decision = self._planner.decide(self._field, state, self._seed)
+        self.decisions.append(decision)
+        if decision.chain is None:
+            return None
+        self._last = state, decision.chain
+        return encode(decision.chain[0], vehicle.position, vehicle.derivative)
+
+
+class Tracking:
+    """A planner that plans once, and whose plan is then followed segment by segment."""
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self.decisions: list[Decision] = []
+        self.route: Route | None = None
+
+    def begin(self, field: Field, seed: int) -> None:
+        """Start a flight through a field."""
+        self._field, self._seed = field, seed
+        self._plan: Plan | None = None
+        self.decisions, self.route = [], None
+
+    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
+        """The action that flies the plan's next segment; plans at the first call."""
+        if self._plan is None:
+            self._first = vehicle.segments
+            self._plan = self._planner.plan(self._field, State(vehicle), self._seed)
+            self.decisions, self.route = list(self._plan.decisions), self._plan.route
+        step = vehicle.segments - self._first
+        if step >= len(self._plan.control):
+            return None
+        return encode(self._plan.control[step], vehicle.position, vehicle.derivative)
+
+
+def expert(planner: Planner) -> Expert:
+    """A planner as a policy: replanning where it decides step by step, else tracking."""
+    return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)

@@ -1,0 +1,49 @@
+"""A policy's idea of how to go on: what planners start from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from agents.policies.interface import Policy
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import decode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+
+_SEEN = Settings()
+"""The environment's own, in which policies are flown."""
+
+
+class Proposals:
+    """A policy as a proposer of starts: the segments that it would fly, feasible or not."""
+
+    def __init__(self, policy: Policy, limits: Limits = PAPER_LIMITS) -> None:
+        self._policy = policy
+        self._limits = limits
+
+    def propose(
+        self, field: Field, state: transition.State, segments: int, seed: int
+    ) -> list[Array]:
+        """The chain (n, 4, 2) that the policy flies from a state; none if it gives up at once.
+
+        It flies through whatever stands in its way, and ends early on the goal or where it gives
+        up. The policy begins anew in every state, so that a flight taken up on its way goes on as
+        the whole flight does.
+        """
+        self._policy.begin(field, seed)
+        chain: list[Array] = []
+        while len(chain) < segments:
+            action = self._policy.act(observe_one(field, state, _SEEN), state)
+            if action is None:
+                break
+            control = decode(
+                action, state.position, state.derivative, field.goal, self._limits.gate
+            )
+            chain.append(control)
+            state = transition.State(control[1], control[3], state.segments + 1)
+            if np.array_equal(state.position, field.goal):
+                break
+        return [np.stack(chain)] if chain else []

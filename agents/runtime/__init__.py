@@ -1,0 +1,1 @@
+"""Terminals, interrupts, processes, files and provenance: what agents and commands build on."""

@@ -1,0 +1,1 @@
+"""Training of agents: runs, checkpoints, hyperparameters, and the algorithms of Stable-Baselines3."""

@@ -1,0 +1,165 @@
+"""Hyperparameters from YAML in the shape of the RL Zoo, checked before they are used.
+
+The only top-level key is the environment's id; below it stand `n_envs`, `n_timesteps`, `eval_freq`,
+`policy`, `policy_kwargs`, `env_kwargs`, and the algorithm's own arguments. Values are plain YAML;
+`lin_X` is a number that falls from X to 0 over the training.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.runtime.safe_npz import reason
+from ferguson_gym import ENVIRONMENT_ID
+
+SHIPPED = Path(__file__).parent / "hyperparameters"
+"""Files that come with the package, `ALGORITHM.yml` the default of each algorithm."""
+_COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
+_LINEAR = "lin_"
+_MOST, _MOST_ALIASES = 10_000, 20
+"""Values in a file, and references to some of them."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recipe:
+    """Hyperparameters of a training."""
+
+    n_envs: int
+    """Flights that are in the air together."""
+    n_timesteps: int
+    """Segments flown in all, where no other limit is given."""
+    eval_freq: int
+    """Segments between two evaluations."""
+    policy: str
+    """Name in `agents.models.networks.POLICIES`."""
+    policy_kwargs: dict[str, Any]
+    env_kwargs: dict[str, Any]
+    """Arguments of the environment."""
+    learner: dict[str, Any]
+    """The algorithm's own; numbers, words, or `lin_X`."""
+
+
+def read(given: str, known: Collection[str]) -> Recipe:
+    """The recipe of a file, or of a shipped one by its name.
+
+    Args:
+        given: path of a YAML file, or a name in `agents/hyperparameters`, for example ppo.
+        known: the algorithm's own keys; any other is refused.
+
+    Raises:
+        ValueError: no such file, not YAML, unknown or missing keys, values of another kind.
+    """
+    import yaml
+
+    shipped = SHIPPED / f"{given}.yml"
+    path = shipped if shipped.is_file() else Path(given)
+    try:
+        text = path.read_bytes()
+    except (OSError, ValueError):  # no such file, or no name of one
+        names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.yml")))
+        raise ValueError(f"no hyperparameters at {given}: need a YAML file, or {names}") from None
+    try:
+        if text.count(b"*") > _MOST_ALIASES:  # merged again and again, they grow without bounds
+            raise ValueError(f"more than {_MOST_ALIASES} aliases")
+        content = yaml.safe_load(text)
+        _check_size(content)
+    except Exception as error:  # of whatever the library makes of a text that is none
+        raise ValueError(f"{given}: not YAML ({reason(error)})") from None
+    if not isinstance(content, dict) or list(content) != [ENVIRONMENT_ID]:
+        raise ValueError(f"{given}: need one key at the top, {ENVIRONMENT_ID}")
+    entries = content[ENVIRONMENT_ID]
+    if not isinstance(entries, dict) or not all(isinstance(key, str) for key in entries):
+        raise ValueError(f"{given}: need keys and values below {ENVIRONMENT_ID}")
+    if unknown := sorted(set(entries) - {*_COMMON, *known}):
+        raise ValueError(
+            f"{given}: unknown keys {', '.join(map(repr, unknown))}; known are "
+            f"{', '.join([*_COMMON, *sorted(known)])}"
+        )
+    if missing := [key for key in _COMMON[:4] if key not in entries]:
+        raise ValueError(f"{given}: missing keys {', '.join(missing)}")
+    try:
+        return Recipe(
+            n_envs=_count(entries, "n_envs"),
+            n_timesteps=_count(entries, "n_timesteps"),
+            eval_freq=_count(entries, "eval_freq"),
+            policy=str(entries["policy"]),
+            policy_kwargs=_mapping("policy_kwargs", entries.get("policy_kwargs")),
+            env_kwargs=_mapping("env_kwargs", entries.get("env_kwargs")),
+            learner={key: _plain(key, entries[key]) for key in entries if key in known},
+        )
+    except ValueError as error:
+        raise ValueError(f"{given}: {error}") from None
+
+
+def _check_size(content: object) -> None:
+    """Refuse what refers to itself, or to one thing so often that it has no end."""
+    left, number = [content], 0
+    while left:
+        value = left.pop()
+        if (number := number + 1) > _MOST:
+            raise ValueError(f"more than {_MOST} values")
+        if isinstance(value, list):
+            left += value
+        if isinstance(value, dict):
+            left += [*value, *value.values()]
+
+
+def slope(value: object) -> float | None:
+    """The X of `lin_X`; None for any other value.
+
+    Raises:
+        ValueError: an X that is no number.
+    """
+    if not isinstance(value, str) or not value.startswith(_LINEAR):
+        return None
+    number = _number(value.removeprefix(_LINEAR))
+    if number is None:
+        raise ValueError(f"need a number after {_LINEAR}, got {value!r}")
+    return number
+
+
+def _count(entries: dict[str, Any], key: str) -> int:
+    number = _number(value := entries[key])
+    if number is None or number < 1 or number != int(number):
+        raise ValueError(f"{key} must be a whole number from 1 on, got {value!r}")
+    return int(number)
+
+
+def _mapping(key: str, value: object) -> dict[str, Any]:
+    if value is None:
+        return {}
+    if not isinstance(value, dict) or not all(isinstance(name, str) for name in value):
+        raise ValueError(f"{key} must have keys and values, got {value!r}")
+    return {name: _plain(f"{key}.{name}", entry) for name, entry in value.items()}
+
+
+def _plain(key: str, value: object) -> Any:
+    """A value of JSON; `1e-3`, a word to YAML 1.1, as the number that is meant."""
+    if isinstance(value, list):
+        return [_plain(key, entry) for entry in value]
+    if isinstance(value, dict):
+        return _mapping(key, value)
+    if value is None or isinstance(value, bool):
+        return value
+    if (number := _number(value)) is not None:
+        return number
+    if not isinstance(value, str):
+        raise ValueError(f"{key} must be a finite number, a word or a list, got {value!r}")
+    slope(value)
+    return value
+
+
+def _number(value: object) -> float | int | None:
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        return None
+    if isinstance(value, int):
+        return value
+    try:
+        number = float(value)
+    except ValueError:
+        return None
+    return number if math.isfinite(number) else None

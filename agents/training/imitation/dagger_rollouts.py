@@ -1,0 +1,204 @@
+"""Flights of a learner, and what an expert would do in every state that it visits.
+
+Reference:
+    Ross, Gordon & Bagnell (2011), A reduction of imitation learning and structured prediction to
+    no-regret online learning, AISTATS: DAgger.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from joblib import Parallel, delayed
+from stable_baselines3.common.policies import BasePolicy
+from torch import Tensor
+
+from agents.models import torch_model
+from agents.models.model import Network
+from agents.models.model_card import Card, card_from
+from agents.models.torch_model import Learned
+from agents.runtime.worker_processes import deaths_told
+from agents.training.imitation.dataset import COLUMNS, row
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.simulation.observe import observe_one
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.world import transition
+from ferguson_gym.world.actions import Action, encode
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.outcome import Outcome
+from planners.interface import Replanner, State
+from planners.registry import make
+
+_ASTRAY = 0.7
+"""Standard deviation of a scattered flight's heading from the shortest way [rad]."""
+_PACE = (7.0, 0.2)
+"""Median of its speed [m per unit t], and standard deviation of the logarithm."""
+_NEAR = 3
+"""States that a failure is near to: the one where it happened, and those just before."""
+_STRIDE = 7.0
+"""Length of the segments that it is taken to have flown [m]."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Visit:
+    """Flights to be flown and watched."""
+
+    card: Card
+    """Of the learner."""
+    weights: dict[str, Tensor]
+    expert: str
+    """Name of a planner that decides step by step."""
+    seeds: range
+    """Of the fields; one flight through each."""
+    stream: tuple[int, ...]
+    """What the randomness is seeded with."""
+    scattered: float
+    """Share of the flights that begin anywhere in the field."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Visited:
+    """What came of a visit."""
+
+    rows: Array
+    """Lessons (n, COLUMNS), those of one field one after the other."""
+    steps: int
+    """States that were visited."""
+    failures: int
+    """Steps of the learner that were refused; the expert's were flown in their place."""
+
+
+class _Flight:
+    """One of them, under way."""
+
+    def __init__(self, seed: int, field: Field, vehicle: transition.State) -> None:
+        self.seed, self.field, self.vehicle = seed, field, vehicle
+        self.rows: list[list[float]] = []
+
+
+@contextmanager
+def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visited]]:
+    """Visits that are flown from now on, in other processes if there are several workers.
+
+    What came of them, in their order. At the end of the context those that are left are given up.
+
+    Raises:
+        ChildProcessError: a worker died.
+    """
+    flying = Parallel(n_jobs=workers, return_as="generator")
+    with _deaf():
+        visited = flying(delayed(visit)(one) for one in visits)
+    try:
+        with deaths_told():
+            yield visited
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # joblib's word on what is given up
+            visited.close()
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Ignore Ctrl-C, and let processes started meanwhile do so: it is for who waits for them.
+
+    To block the signal would not do: who starts the first of them lets it through again.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def visit(asked: Visit) -> Visited:
+    """Fly the learner by the actions it thinks best, and ask the expert in every state."""
+    network = _network(asked)
+    with network.at_work():
+        return _visit(asked, network)
+
+
+def _visit(asked: Visit, network: Network) -> Visited:
+    planner = _expert(asked.expert)
+    settings = settings_of(asked.card.environment)
+    stream = np.random.default_rng(asked.stream)
+    flights = []
+    for seed in asked.seeds:
+        field = settings.field(seed)
+        scattered = stream.random() < asked.scattered
+        vehicle = somewhere(field, stream) if scattered else transition.depart(field)
+        flights.append(_Flight(seed, field, vehicle))
+    steps = failures = 0
+    for one in flights:
+        over = False
+        while not over:
+            seen = observe_one(one.field, one.vehicle, settings)
+            action = network.act({key: value[None] for key, value in seen.items()})[0]
+            over, refused = _step(one, action, planner)
+            steps, failures = steps + 1, failures + refused
+    rows = [lesson for one in flights for lesson in one.rows]
+    return Visited(rows=np.array(rows).reshape(-1, COLUMNS), steps=steps, failures=failures)
+
+
+def _step(one: _Flight, action: Action, planner: Replanner) -> tuple[bool, bool]:
+    """Write down what the expert would do, and fly on; is it over, and was the action refused?"""
+    vehicle = one.vehicle
+    lesson: Action | None = None
+    chain = planner.decide(one.field, State(vehicle), 0).chain
+    if chain is not None:
+        lesson = encode(chain[0], vehicle.position, vehicle.derivative)
+        one.rows.append(row(one.seed, vehicle, lesson))
+    step = transition.advance(one.field, vehicle, action)
+    refused = not step.flown
+    if refused:
+        for near in one.rows[-_NEAR:]:
+            near[-1] = 1.0
+    if refused and lesson is not None:
+        step = transition.advance(one.field, vehicle, lesson)
+    one.vehicle = step.state
+    return step.outcome is not Outcome.FLYING, refused
+
+
+def somewhere(field: Field, stream: np.random.Generator) -> transition.State:
+    """A free place of a field anywhere, on the way to the goal or astray."""
+    togo = distance_to_go(field)
+    while True:
+        place = stream.uniform(field.bounds[0], field.bounds[1])
+        distance, gradient = togo(place[None])
+        if np.isfinite(distance[0]) and distance[0] > _STRIDE:
+            break
+    way = -complex(*gradient[0]) * np.exp(1j * _ASTRAY * stream.normal())
+    median, spread = _PACE
+    slope = median * np.exp(spread * stream.normal()) * way
+    whole = float(np.linalg.norm(field.goal - field.start))
+    flown = max(0, round((whole - float(distance[0])) / _STRIDE))
+    return transition.State(place, np.array([slope.real, slope.imag]), flown)
+
+
+@lru_cache(maxsize=2)
+def _learner_of(text: str) -> BasePolicy:
+    return torch_model.build(card_from(text))
+
+
+def _network(asked: Visit) -> Network:
+    """The learner as it flies; torch has one network as the card says for all of a process."""
+    policy = _learner_of(asked.card.to_json())
+    policy.load_state_dict(asked.weights)
+    return Learned(policy, asked.card).model.network
+
+
+@lru_cache(maxsize=1)
+def _expert(name: str) -> Replanner:
+    planner = make(name)
+    assert isinstance(planner, Replanner)
+    return planner
