@@ -12,7 +12,7 @@ import pytest
 from hypothesis import settings
 
 from tests.fuzz.cases import LARGE
-from tests.waiting import until
+from tests.support.waiting import until
 
 ROOT = Path(__file__).parent.parent
 settings.register_profile("large", max_examples=LARGE)  # `make fuzz`

@@ -226,7 +226,7 @@ def test_a_dataset_is_read_or_refused(dataset: tuple[str, Path], file: str) -> N
 def model(place: Path) -> Path:
     """A small model."""
     pytest.importorskip("sb3_contrib")
-    from tests.small_models import saved
+    from tests.support.small_models import saved
 
     return saved(place / "model")
 
@@ -296,7 +296,7 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
 
     from agents.training import run as training
     from agents.training.run import ALGORITHMS, Run
-    from tests.test_training import OF_ALGORITHM, TINY
+    from tests.agents.training.test_run import OF_ALGORITHM, TINY
 
     own: dict[str, Any] = {"updates": 2, "first": 8, "expert": "pursuit"}
     recipe = {**TINY, **OF_ALGORITHM.get(algorithm, own)}

@@ -1,0 +1,164 @@
+"""Models in torch: they act as the library does, alike in any batch, and threads stay as before."""
+
+import dataclasses
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("sb3_contrib")
+
+import torch
+
+from agents.flights.batched import fly_batch
+from agents.models import loading, torch_model, weights
+from agents.models.inference.forward import Forward
+from agents.models.torch_model import BLOCK, Learned, TorchNetwork, one_thread
+from ferguson_gym.runtime.arrays import GenericArray
+from ferguson_gym.world.field_names import select
+from tests.support.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
+
+FIELDS = "sparse/train:0-2"
+
+
+def observations(policy: object, number: int) -> dict[str, GenericArray]:
+    stream = np.random.default_rng(0)
+    boxes = policy.observation_space.spaces  # type: ignore[attr-defined]
+    return {
+        key: stream.uniform(-1, 1, (number, *box.shape)).astype(np.float32)
+        for key, box in boxes.items()
+    }
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_actions_are_those_of_the_library(algorithm: str) -> None:
+    policy = learned(algorithm, RAYS).policy
+    seen = observations(policy, BLOCK)
+    theirs, _ = policy.predict(seen, deterministic=True)
+    np.testing.assert_array_equal(TorchNetwork(policy).act(seen), theirs)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_row_is_treated_alike_wherever_it_stands(threads: int) -> None:
+    network = TorchNetwork(learned("ppo", {"observation": "rays"}).policy)
+    seen = observations(network.policy, 3 * BLOCK + 5)
+    before = torch.get_num_threads()
+    torch.set_num_threads(threads)
+    try:
+        together = network.act(seen)
+        order = np.random.default_rng(1).permutation(len(together))
+        shuffled = network.act({key: value[order] for key, value in seen.items()})
+        singly = [network.act({k: v[i : i + 1] for k, v in seen.items()})[0] for i in order]
+        assert torch.get_num_threads() == 1
+    finally:
+        torch.set_num_threads(before)
+    np.testing.assert_array_equal(shuffled, together[order])
+    np.testing.assert_array_equal(singly, together[order])
+
+
+def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
+    before = torch.get_num_threads()
+    torch.set_num_threads(2)
+    try:
+        fly_batch(learned("sac", RAYS).model, select(FIELDS))
+        assert torch.get_num_threads() == 2
+        with pytest.raises(ZeroDivisionError), one_thread():
+            _ = 1 / (torch.get_num_threads() - 1)
+        assert torch.get_num_threads() == 2
+    finally:
+        torch.set_num_threads(before)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_what_is_loaded_is_what_was_saved_and_the_library_reads_it_too(
+    algorithm: str, tmp_path: Path
+) -> None:
+    card = dataclasses.replace(
+        card_of(algorithm, DISCS), seed=3, commit="c0ffee", curve=[{"steps": 1}], results={"a": 0.5}
+    )
+    loaded = torch_model.load(saved(tmp_path, card) / "model.zip")
+    assert loaded.card == card == loading.load(tmp_path).card
+    kept = ALGORITHMS[algorithm].load(tmp_path / "model.zip", device="cpu").policy
+    for one, other in zip(loaded.policy.parameters(), kept.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def without_arrays(directory: Path) -> None:
+    """Make a model one that was saved before weights were kept as arrays."""
+    packed = directory / "model.zip"
+    with zipfile.ZipFile(packed) as archive:
+        kept = {name: archive.read(name) for name in archive.namelist() if "weights/" not in name}
+    with zipfile.ZipFile(packed, "w") as archive:
+        for name, content in kept.items():
+            archive.writestr(name, content)
+
+
+@pytest.mark.parametrize("algorithm", ALGORITHMS)
+def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_path: Path) -> None:
+    saved(tmp_path, card_of(algorithm, RAYS))
+    assert loading.needs_torch(tmp_path) is (algorithm != "ppo")
+    before = loading.load(tmp_path)
+    without_arrays(tmp_path)
+    assert weights.names(tmp_path / "model.zip") == []
+    assert loading.needs_torch(tmp_path)
+    after = loading.load(tmp_path)
+    assert isinstance(after.network, Forward) == (algorithm == "ppo")
+    fields = list(select(FIELDS))
+    for one, other in zip(fly_batch(before, fields), fly_batch(after, fields), strict=True):
+        np.testing.assert_array_equal(one.control, other.control)
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_slim_copy_flies_the_same_and_can_be_trained_on(algorithm: str, tmp_path: Path) -> None:
+    whole = saved(tmp_path / "whole", card_of(algorithm, RAYS))
+    torch_model.slim(whole, tmp_path / "slim")
+    size, before = ((place / "model.zip").stat().st_size for place in (tmp_path / "slim", whole))
+    assert size < 0.6 * before
+    with zipfile.ZipFile(tmp_path / "slim" / "model.zip") as archive:
+        assert all(name.endswith(".npy") for name in archive.namelist())
+    flown = [fly_batch(loading.load(tmp_path / name), select(FIELDS)) for name in ("whole", "slim")]
+    for mine, theirs in zip(*flown, strict=True):
+        np.testing.assert_array_equal(mine.control, theirs.control)
+    one, other = (torch_model.load(tmp_path / name).policy for name in ("whole", "slim"))
+    for key, value in one.state_dict().items():
+        assert torch.equal(value, other.state_dict()[key])
+    # equal models are equal files
+    torch_model.slim(tmp_path / "slim", tmp_path / "again")
+    read = [(tmp_path / name / "model.zip").read_bytes() for name in ("slim", "again")]
+    assert read[0] == read[1]
+
+
+def test_weights_that_two_share_are_kept_once() -> None:
+    shared = Learned(learned("ppo", RAYS).policy, card_of())
+    names = list(shared.weights)
+    assert not any(name.startswith(("pi_features", "vf_features")) for name in names)
+    assert {"mlp_extractor.value_net.0.weight", "log_std", "action_net.bias"} <= set(names)
+
+
+def test_what_flies_does_not_change_when_training_goes_on() -> None:
+    going_on = learned("ppo", RAYS)
+    model, seen = going_on.model, observations(going_on.policy, 5)
+    before = model.network.act(seen)
+    with torch.no_grad():
+        for parameter in going_on.policy.parameters():
+            parameter += 0.1
+    np.testing.assert_array_equal(model.network.act(seen), before)
+    assert (going_on.model.network.act(seen) != before).any()
+
+
+def test_pickled_weights_that_are_none_are_refused(tmp_path: Path) -> None:
+    saved(tmp_path)
+    good = torch_model.load(tmp_path).policy.state_dict()
+    for given, match in (
+        ([1.0], "does not hold weights"),
+        ({"a": torch.zeros(2)}, "not those of the network that model.json describes"),
+        ({**good, "action_net.bias": torch.full((4,), torch.nan)}, "weights that are not finite"),
+    ):
+        packed = io.BytesIO()
+        torch.save(given, packed)
+        with zipfile.ZipFile(tmp_path / "model.zip", "w") as archive:
+            archive.writestr("policy.pth", packed.getvalue())
+        with pytest.raises(ValueError, match=match):
+            loading.load(tmp_path)

@@ -1,0 +1,174 @@
+"""The shield: flights that arrive whoever flies, and an account of who did."""
+
+import numpy as np
+import pytest
+
+from agents.evaluation import summary
+from agents.evaluation.tables import shields
+from agents.flights.flight import Flight, fly, fly_by_name
+from agents.policies.interface import Policy
+from agents.policies.registry import make_policy
+from agents.policies.shield import PATIENCE, Shield
+from agents.policies.shield_decisions import Hand, share_handed_over
+from ferguson_gym.environment import ObstacleField
+from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
+from planners.interface import Decision, Plan, State, WindowReport
+from planners.receding_horizon.guided import Guided
+from planners.rollout import roll_out
+from tests.support.scripted_policies import CIRCLING, COLLIDING, Always, Noisy, Straight
+
+OPEN = Field(name="open", obstacles=Discs(np.array([[60.0, 5.0]]), np.array([3.0])))
+HEAD_ON = Field(
+    name="head-on", obstacles=Discs(np.array([[17.0, 17.0]]) / np.sqrt(2.0), np.array([5.95]))
+)
+"""A straight segment of 11 m ends 5 cm in front of a disc, heading for its centre."""
+AGENTS = {
+    "straight": Straight,
+    "noisy": Noisy,
+    "very noisy": lambda: Noisy(noise=0.3),
+    "circling": lambda: Always(*CIRCLING),
+    "colliding": lambda: Always(*COLLIDING),
+    "giving up": Always,
+}
+
+
+class Never:
+    """A planner that finds nothing."""
+
+    limits: Limits = PAPER_LIMITS
+
+    def plan(self, field: Field, state: State, seed: int) -> Plan:
+        return roll_out(self, field, state, seed)
+
+    def decide(self, field: Field, state: State, seed: int) -> Decision:
+        return Decision(None, WindowReport(step=state.vehicle.segments, seconds=0.0))
+
+
+def shielded(agent: Policy, field: Field) -> Flight:
+    return fly(Shield(agent), "shielded", field, 0)
+
+
+def states(flown: Flight) -> list[transition.State]:
+    """Before each step, and the last."""
+    first = transition.depart(flown.field)
+    ends = [transition.State(c[1], c[3], k + 1) for k, c in enumerate(flown.control)]
+    return [first, *ends]
+
+
+@pytest.mark.parametrize("agent", AGENTS)
+@pytest.mark.parametrize("spec", ["standard/train:0-1", "traps/train:0-1"])
+def test_whoever_flies_arrives(agent: str, spec: str) -> None:
+    for field in select(spec):
+        flown = shielded(AGENTS[agent](), field)
+        assert flown.outcome is Outcome.GOAL_REACHED
+        assert is_feasible(flown.control, field).all()
+        assert len(flown.hands) == len(flown.decisions) == len(flown.control)
+        assert not {Hand.UNPROVEN, Hand.STUCK} & set(flown.hands)
+
+
+@pytest.mark.parametrize("agent", ["straight", "noisy", "very noisy", "circling"])
+def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
+    field, planner = one("standard/train:3"), Guided()
+    flown = shielded(AGENTS[agent](), field)
+    accepted = [
+        s for hand, s in zip(flown.hands, states(flown)[1:], strict=True) if hand is Hand.AGENT
+    ]
+    assert accepted
+    for state in accepted[::3]:
+        assert planner.plan(field, State(state), 0).success
+
+
+def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state() -> None:
+    field = one("sparse/train:0")
+    alone, under = (fly_by_name(name, field, 0) for name in ("guided", "guided+shield"))
+    np.testing.assert_array_equal(under.control, alone.control)
+    assert set(under.hands) == {Hand.AGENT}
+    agent = Always(0.0, 0.0, 0.0, 0.0)
+    shielded(agent, OPEN)
+    asked = [state.segments for state in agent.asked]
+    assert asked == sorted(set(asked))
+
+
+@pytest.mark.parametrize(
+    ("agent", "hand"), [(Always(), Hand.GAVE_UP), (Always(*COLLIDING), Hand.INFEASIBLE)]
+)
+def test_an_agent_of_no_use_leaves_the_planners_own_flight(agent: Always, hand: Hand) -> None:
+    field = one("traps/train:0")
+    flown = shielded(agent, field)
+    np.testing.assert_array_equal(flown.control, fly_by_name("guided", field, 0).control)
+    assert set(flown.hands) == {hand}
+    assert share_handed_over(flown.hands) == 1.0
+
+
+def test_a_segment_that_leads_nowhere_is_handed_over_before_it_is_flown() -> None:
+    flown = shielded(Straight(), HEAD_ON)
+    assert flown.hands[0] is Hand.NOT_CONTINUABLE
+    assert flown.success
+
+
+def test_an_agent_may_waste_a_few_segments_but_not_circle() -> None:
+    flown = shielded(Always(*CIRCLING), OPEN)
+    assert Hand.LOITERING in flown.hands
+    to_go, _ = distance_to_go(OPEN)(np.array([s.position for s in states(flown)]))
+    nearest = np.minimum.accumulate(to_go)
+    agents = np.array([hand is Hand.AGENT for hand in flown.hands])
+    assert (agents & (to_go[1:] >= nearest[:-1])).sum() == PATIENCE
+
+
+def test_an_agent_that_creeps_leaves_segments_enough_to_arrive() -> None:
+    flown = shielded(Straight(stride=3.2), OPEN)
+    assert flown.success
+    assert Hand.RUNNING_OUT in flown.hands
+    assert flown.hands[0] is Hand.AGENT
+    assert len(flown.control) <= PAPER_LIMITS.segments
+
+
+def test_what_the_planner_cannot_better_is_flown_and_counted_as_unproven() -> None:
+    flown = fly(Shield(Straight(), Never()), "unproven", HEAD_ON, 0)
+    assert flown.hands == [Hand.UNPROVEN, Hand.STUCK]
+    assert flown.outcome is Outcome.GAVE_UP
+    assert len(flown.control) == 1
+
+
+def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
+    agent = Straight()
+    shield, env = Shield(agent), ObstacleField(fields=1)
+    seen, _ = env.reset(seed=0, options={"field": OPEN})
+    shield.begin(OPEN, 0)
+    start = env.state
+    shield.act(seen, start)
+    elsewhere = transition.State(start.position + np.array([8.0, 7.0]), start.derivative, 1)
+    action = shield.act(seen, elsewhere)
+    assert action is not None
+    np.testing.assert_array_equal(action, agent.act(seen, elsewhere))
+
+
+def test_what_happened_is_told_in_a_table() -> None:
+    flown = [shielded(Always(*CIRCLING), OPEN), fly_by_name("guided", OPEN, 0)]
+    told = summary.shields(flown)
+    assert told[0]["steps"] == len(flown[0].hands)
+    table = shields(told)
+    assert table is not None
+    assert table.row_count == 1
+    assert "loitering" in next(iter(table.columns[-1].cells))
+    assert shields(summary.shields(flown[1:])) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("ace+shield", "unknown policy 'ace'"),
+        ("shortest+shield", "'shortest' plans its whole path at once"),
+        ("guided+shield+shield", "'guided\\+shield' has a shield already"),
+    ],
+)
+def test_shields_that_make_no_sense_are_refused(name: str, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        make_policy(name)

@@ -1,0 +1,182 @@
+"""Who flies: a Dask cluster on this machine, and what is refused before any work starts."""
+
+import socket
+import threading
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from agents.cli.main import main
+from agents.evaluation import run
+from agents.evaluation.request import Request
+from agents.evaluation.work import WORK, Work
+from agents.runtime import executors
+from agents.runtime.executors import Backend, place_of
+from tests.support.dask_cluster import cluster, free_port
+
+NAMES = ("flights.csv", "paths.npz")
+REQUEST = Request(
+    policies=["guided", "single-start"],
+    fields=[f"sparse/train:{k}" for k in range(12)],
+    seeds=range(1),
+    chunk=2,
+)
+
+
+def contents(directory: Path) -> list[bytes]:
+    assert not (directory / WORK).exists()
+    return [(directory / name).read_bytes() for name in NAMES]
+
+
+@pytest.fixture
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executors, "PATIENCE", 60.0)  # the machine may be busy
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("patient")
+def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run.run(REQUEST, tmp_path / "here", Backend())
+    keep = Work.keep
+    with cluster(tmp_path) as (address, _, worker):
+        workers = [worker(), worker()]
+        backend = Backend(name="dask", address=address)
+        executors.check(backend)
+        run.run(REQUEST, tmp_path / "there", backend)
+        assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+        def kill_one(work: Work, chunk: int, flown: Any) -> None:
+            keep(work, chunk, flown)
+            workers[0].kill()
+
+        monkeypatch.setattr(Work, "keep", kill_one)
+        run.run(REQUEST, tmp_path / "again", backend)
+        assert workers[0].poll() is not None
+        assert contents(tmp_path / "again") == contents(tmp_path / "here")
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("patient")
+def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    keep = Work.keep
+    with cluster(tmp_path) as (address, scheduler, worker):
+        worker()
+
+        def kill(work: Work, chunk: int, flown: Any) -> None:
+            keep(work, chunk, flown)
+            scheduler.kill()
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Work, "keep", kill)
+            with pytest.raises(OSError, match=f"lost the dask scheduler at {address}"):
+                run.run(REQUEST, tmp_path / "lost", Backend(name="dask", address=address))
+    assert list((tmp_path / "lost" / WORK).glob("chunk-*"))
+    run.run(REQUEST, tmp_path / "lost", Backend())
+    run.run(REQUEST, tmp_path / "here", Backend())
+    assert contents(tmp_path / "lost") == contents(tmp_path / "here")
+
+
+@pytest.mark.slow
+def test_a_scheduler_without_workers_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with cluster(tmp_path) as (address, _, _):
+        monkeypatch.setattr(executors, "PATIENCE", 2.0)
+        with pytest.raises(ConnectionError, match=f"at {address} has no workers; start some"):
+            executors.check(Backend(name="dask", address=address))
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")  # its own
+def test_ray_flies_the_same_flights(tmp_path: Path) -> None:
+    pytest.importorskip("ray")
+    run.run(REQUEST, tmp_path / "here", Backend())
+    run.run(REQUEST, tmp_path / "there", Backend(name="ray"))
+    assert contents(tmp_path / "there") == contents(tmp_path / "here")
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--backend", "dask"], "--backend dask needs the --address HOST:PORT of its scheduler"),
+        (["--backend", "dask", "--address", "here"], "an address is HOST:PORT, for example"),
+        (["--backend", "dask", "--address", "a:70000"], "an address is HOST:PORT, for example"),
+        (["--backend", "slurm"], "unknown backend 'slurm'; backends are processes, dask, ray"),
+        (["--address", "10.0.0.1:8786"], "is for a cluster: add --backend dask or ray"),
+        (
+            ["--backend", "dask", "--address", "a:1", "--workers", "2"],
+            "--workers 2 is for processes on this machine",
+        ),
+        (["--batch", "0"], "need a whole number from 1 on"),
+    ],
+)
+def test_arguments_that_do_not_go_together_are_told_in_one_line(
+    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    fields = ["--fields", "paper:1", "--out", str(out)]
+    assert main(["evaluate", "--policy", "guided", *fields, *words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert told in said
+    assert not out.exists()
+
+
+def test_a_scheduler_that_does_not_answer_is_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("distributed")
+    out, address = tmp_path / "out", f"127.0.0.1:{free_port()}"
+    fields = ["--fields", "paper:1", "--out", str(out)]
+    words = ["--backend", "dask", "--address", address]
+    assert main(["evaluate", "--policy", "guided", *fields, *words]) == 2
+    said = capsys.readouterr().err
+    assert said.count("\n") == 1
+    assert f"no dask scheduler at {address} (" in said
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("banner", [b"", b"SSH-2.0-OpenSSH_9.2\r\n"])
+def test_what_listens_there_may_be_no_scheduler(
+    banner: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("distributed")
+    monkeypatch.setattr(executors, "PATIENCE", 0.5)
+
+    def greet(listening: socket.socket) -> None:
+        calling, _ = listening.accept()
+        with calling:
+            calling.sendall(banner)
+            with suppress(OSError):
+                calling.recv(1)  # until it is hung up
+
+    with socket.socket() as listening:
+        listening.bind(("127.0.0.1", 0))
+        listening.listen()
+        greeter = threading.Thread(target=greet, args=(listening,), daemon=True)
+        greeter.start()
+        address = f"127.0.0.1:{listening.getsockname()[1]}"
+        with pytest.raises(ConnectionError, match=f"no dask scheduler at {address}"):
+            executors.check(Backend(name="dask", address=address))
+        greeter.join()
+
+
+@pytest.mark.parametrize("name", ["dask", "ray"])
+def test_without_its_library_a_backend_says_what_to_install(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(executors.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(ValueError, match=f"--backend {name} needs .*: .venv/bin/pip install"):
+        Backend(name=name, address="127.0.0.1:1")
+
+
+def test_addresses() -> None:
+    assert place_of("node-7:8786") == ("node-7", 8786)
+    assert place_of("tcp://10.0.0.1:8786") == ("10.0.0.1", 8786)
+    assert place_of("[::1]:8786") == ("::1", 8786)

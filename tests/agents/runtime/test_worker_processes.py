@@ -1,0 +1,158 @@
+"""Work in several processes, or one: interrupted between two parts, and what a death is told as."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from joblib import delayed
+
+from agents.benchmarks.planners import runs
+from agents.cli.main import main
+from agents.demonstrations import work
+from agents.evaluation import chunks, timing
+from agents.evaluation.work import WORK
+from agents.runtime.worker_processes import spread
+from tests.support.waiting import until
+
+TELL = "what is there is kept"
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_results_come_in_order(workers: int) -> None:
+    calls = (delayed(divmod)(number, 3) for number in range(10))
+    found = list(spread(calls, workers, in_order=True, afterwards=TELL))
+    assert found == [divmod(number, 3) for number in range(10)]
+
+
+def test_a_death_is_told_in_one_line() -> None:
+    calls = [delayed(os._exit)(3) for _ in range(4)]
+    with pytest.raises(ChildProcessError, match=f"died: killed, or short of memory.*; {TELL}$"):
+        list(spread(calls, 2, in_order=False, afterwards=TELL))
+
+
+def press(module: Any, name: str, patch: pytest.MonkeyPatch, at: int) -> list[int]:
+    """Ctrl-C in the middle of a call; a list of those that came to an end."""
+    ended: list[int] = []
+    called = getattr(module, name)
+
+    def interrupted(*given: Any, **named: Any) -> Any:
+        if len(ended) == at:
+            signal.raise_signal(signal.SIGINT)
+        found = called(*given, **named)
+        ended.append(len(ended))
+        return found
+
+    patch.setattr(module, name, interrupted)
+    return ended
+
+
+def test_demonstrations_stop_after_a_flight_and_go_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("minari")
+    monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
+    command = ["demos", "--expert", "guided", "--fields", "sparse/train:0-19", "--out", "some-v0"]
+    with monkeypatch.context() as patch:
+        ended = press(work, "record", patch, at=14)
+        assert main(command) == 130
+    assert len(ended) == 15  # the flight came to its end
+    assert capsys.readouterr().err == (
+        "ferguson: the same command goes on where this one stopped\nferguson: interrupted\n"
+    )
+    place = tmp_path / ".some-v0.part"
+    assert sorted(path.name.split("-")[0] for path in place.iterdir()) == ["chunk", "request.json"]
+    flown = press(work, "record", monkeypatch, at=-1)
+    assert main([*command, "--json", "--quiet"]) == 0
+    assert len(flown) == 10
+    out, err = capsys.readouterr()
+    assert '"dataset": "some-v0"' in out
+    assert '"flights": 20' in out
+    assert err == ""
+    assert not place.exists()
+
+
+def test_a_comparison_of_planners_stops_after_a_plan(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ended = press(runs, "run", monkeypatch, at=2)
+    command = ["bench", "planners", "--planner", "shortest", "--fields", "sparse/train:0-4"]
+    assert main([*command, "--out", str(tmp_path)]) == 130
+    assert len(ended) == 3
+    assert capsys.readouterr().err == "ferguson: interrupted\n"
+    assert len((tmp_path / "planners.csv").read_text().splitlines()) == 1 + 2
+
+
+def test_an_evaluation_that_is_interrupted_while_it_times_has_only_that_to_do_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    command = ["evaluate", "--policy", "shortest", "--fields", "sparse/train:0-4", "-q"]
+    command += ["--out", str(tmp_path)]
+    with monkeypatch.context() as patch:
+        ended = press(timing, "fly", patch, at=1)
+        assert main(command) == 130
+    assert len(ended) == 2  # the flight came to its end
+    assert [path.name for path in tmp_path.iterdir()] == [WORK]
+    monkeypatch.setattr(chunks, "fly_by_name", lambda *_: 1 / 0)
+    assert main(command) == 0
+    assert (tmp_path / "summary.json").exists()
+
+
+def below(pid: int) -> list[int]:
+    """Worker processes of a process."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = int((place / "stat").read_text().rpartition(")")[2].split()[1])
+            if parent == pid and b"popen_loky" in (place / "cmdline").read_bytes():
+                found.append(int(place.name))
+        except (OSError, IndexError):
+            continue
+    return found
+
+
+COMMANDS = {
+    "demos": "demos --expert guided --fields sparse/train:0-399 --out some-v0 --workers 2",
+    "dagger": "train dagger --steps 20000 --workers 2 --out {}/runs",
+    "bench": "bench planners --planner guided --fields sparse/train:0-399 --workers 2 --out {}/b",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
+@pytest.mark.parametrize("what", COMMANDS)
+@pytest.mark.parametrize("stop", ["a worker is killed", "Ctrl-C"])
+def test_commands_end_in_one_line_and_leave_nothing_running(
+    what: str, stop: str, tmp_path: Path
+) -> None:
+    pytest.importorskip({"demos": "minari", "dagger": "sb3_contrib"}.get(what, "joblib"))
+    with subprocess.Popen(
+        [sys.executable, "-m", "agents.cli.main", *COMMANDS[what].format(tmp_path).split()],
+        env={**os.environ, "MINARI_DATASETS_PATH": str(tmp_path)},
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as run:
+        assert until(lambda: len(below(run.pid)) == 2 or run.poll() is not None, 120.0)
+        time.sleep(1.0)
+        workers = below(run.pid)
+        if stop == "Ctrl-C":
+            os.killpg(run.pid, signal.SIGINT)  # as a terminal does
+        else:
+            os.kill(workers[0], signal.SIGKILL)
+        assert run.stderr is not None
+        told = run.stderr.read().splitlines()
+    assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
+    assert {path.name for path in tmp_path.iterdir()} <= {".some-v0.part", "runs", "b"}
+    assert "Traceback" not in "".join(told)
+    if stop == "Ctrl-C":
+        assert run.returncode == 130
+        assert told[-1] == "ferguson: interrupted"
+    else:
+        assert run.returncode == 2
+        assert len(told) == 1
+        assert told[0].startswith("ferguson: a worker process died: killed, or short of memory")

@@ -1,0 +1,400 @@
+"""The paper's planner: what it reports is feasible, and replanning continues a plan."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from ferguson_gym.curves.splines import derivative, evaluate
+from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import inspect, is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import one
+from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.obstacles import Discs
+from planners.interface import Plan, State, Status, depart
+from planners.optimization.certification import AIM
+from planners.optimization.initial_guesses import nothing, random_chains, shifted, straight
+from planners.optimization.reference.exchange import ByExchange, broken_rows
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.window import WindowSettings, final_window, horizon_window
+from planners.receding_horizon.paper import RecedingHorizon
+from planners.registry import PLANNERS, make
+from tests.support.quick_planners import quick
+
+OPEN = Field(name="open", obstacles=Discs([], []))
+
+
+def assert_may_be_flown(plan: Plan, field: Field) -> None:
+    """Checked without the project's certificates: densely sampled, and by definition."""
+    control = plan.control
+    t = np.linspace(0.0, 1.0, 2001)
+    points, slopes = evaluate(control, t), derivative(control, t)
+    np.testing.assert_array_equal(control[0, 0], field.start)
+    np.testing.assert_array_equal(control[0, 2], field.departure)
+    np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
+    np.testing.assert_array_equal(control[-1, 1], field.goal)
+    if len(field.obstacles):
+        assert field.obstacles.signed_distance(points).min() >= -1e-5
+    speed = np.linalg.norm(slopes, axis=-1)
+    assert speed.min() >= 0.1 - 1e-5
+    assert ((points >= field.bounds[0] - 1e-5) & (points <= field.bounds[1] + 1e-5)).all()
+    lengths = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(axis=1)
+    assert lengths.min() >= 3.0 - 1e-4
+    assert lengths.max() <= 15.0 + 1e-5
+    assert is_feasible(control, field).all()
+
+
+NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
+
+
+@cache
+def planned(planner: str, name: str) -> Plan:
+    field = one(name)
+    return quick(planner).plan(field, depart(field), 3)
+
+
+@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_every_success_is_feasible_and_ends_on_the_goal(planner: str, name: str) -> None:
+    plan = planned(planner, name)
+    # single-start alone is known to be caught, and by the trap only
+    assert plan.success or (planner, name) == ("single-start", "traps/train:0")
+    if plan.success:
+        assert_may_be_flown(plan, one(name))
+        assert plan.path is not None
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_a_flight_that_is_over_needs_no_plan(planner: str) -> None:
+    plan = planned(planner, "sparse/train:0")
+    there = quick(planner).plan(one("sparse/train:0"), plan.states[-1], 3)
+    assert (there.status, there.path, len(there.control)) == (Status.SOLVED, None, 0)
+    late = State(transition.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
+    assert quick(planner).plan(OPEN, late, 3).status is Status.OUT_OF_SEGMENTS
+
+
+@pytest.mark.parametrize("name", NAMES[:2])
+def test_multi_start_reaches_the_goal_of_sparse_fields(name: str) -> None:
+    plan = planned("multi-start", name)
+    assert 10 <= len(plan.control) <= 12
+    assert plan.path is not None
+    assert plan.path.length < 1.1 * one(name).distance
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+def test_replanning_in_the_middle_gives_the_rest_of_the_plan(planner: str) -> None:
+    plan = planned(planner, "sparse/train:0")
+    middle = len(plan.control) - 4
+    again = quick(planner).plan(one("sparse/train:0"), plan.states[middle], 3)
+    assert again.status is plan.status
+    np.testing.assert_array_equal(again.control, plan.control[middle:])
+
+
+def test_every_window_is_reported() -> None:
+    plan = planned("multi-start", "sparse/train:0")
+    assert [decision.report.step for decision in plan.decisions] == list(range(len(plan.control)))
+    first, last = plan.decisions[0].report, plan.decisions[-1].report
+    assert first.start == "straight" or first.start.startswith("random")
+    assert 1 < first.feasible <= first.starts <= 11
+    assert not first.final
+    assert [d.report.final for d in plan.decisions].count(True) == 1
+    assert first.evaluations > first.starts
+    assert first.seconds > 0.0
+    assert first.solver_status == "converged"
+    assert last.start == "planned"
+    assert last.starts == 0
+    assert plan.evaluations == sum(d.report.evaluations for d in plan.decisions)
+
+
+def test_an_open_field_is_flown_straight() -> None:
+    plan = make("single-start").plan(OPEN, depart(OPEN), 0)
+    assert plan.success
+    assert plan.path is not None
+    assert plan.path.length == pytest.approx(OPEN.distance, rel=1e-6)
+    assert len(plan.control) == 10
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize("distance", [2.2, 2.5, 3.5, 7.0, 10.0, 40.0])
+def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
+    position = OPEN.goal - distance / np.sqrt(2.0)
+    vehicle = transition.State(position, np.array([4.0, 4.0]), 5)
+    plan = quick(planner).plan(OPEN, State(vehicle), 0)
+    assert plan.success
+    assert plan.path is not None
+    assert plan.path.length <= max(distance, 3.0) * 1.2
+
+
+def test_a_walled_in_start_is_stuck() -> None:
+    angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+    ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
+    plan = RecedingHorizon(random_starts=2).plan(
+        walled := Field(name="ring", obstacles=ring), depart(walled), 0
+    )
+    assert plan.status in (Status.STUCK, Status.OUT_OF_SEGMENTS)
+    assert plan.path is None
+    assert is_feasible(plan.control, walled).all()
+
+
+@pytest.mark.parametrize("planner", PLANNERS)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"bounds": [0, 100], "start_derivative": [-1, 0]},
+        {"start": [-10, 50], "start_derivative": [-5, 0]},
+        {"start_derivative": [400, 400]},
+        {"start_derivative": [-0.1, 0.0]},
+    ],
+)
+def test_a_start_that_points_astray_is_planned_or_stuck(planner: str, options: dict) -> None:
+    field = Field(name="astray", obstacles=Discs([[6.0, 6.0]], [5.0]), **options)
+    plan = quick(planner).plan(field, depart(field), 0)
+    assert is_feasible(plan.control, field).all()
+    assert plan.success == (plan.path is not None)
+
+
+def test_limits_beyond_the_reach_of_actions_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"too short for limits\.longest = 20"):
+        RecedingHorizon(limits=replace(PAPER_LIMITS, longest=20.0))
+
+
+def test_a_flight_ends_when_its_segments_are_used_up() -> None:
+    planner = RecedingHorizon(random_starts=0, limits=replace(PAPER_LIMITS, segments=4))
+    plan = planner.plan(OPEN, depart(OPEN), 0)
+    assert plan.status is Status.OUT_OF_SEGMENTS
+    assert len(plan.control) == 4
+
+
+def test_hundreds_of_obstacles_and_none_within_reach() -> None:
+    stream = np.random.default_rng(0)
+    far = Discs(stream.uniform([60.0, 5.0], [95.0, 40.0], (300, 2)), np.full(300, 1.0))
+    field = Field(name="far", obstacles=far)
+    plan = make("single-start").plan(field, depart(field), 0)
+    assert plan.success
+    assert_may_be_flown(plan, field)
+
+
+def test_exchange_closes_what_samples_miss() -> None:
+    # a disc so small that it hides between the paper's samples of a straight flight
+    disc = Discs([[4.7, 4.7]], [0.08])
+    field = Field(name="pin", obstacles=disc)
+    window = horizon_window(field, transition.depart(field), PAPER_LIMITS, WindowSettings(), 3)
+    guess = straight(transition.depart(field), 3, PAPER_LIMITS)
+    problem = window.sampled()
+    sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
+    assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
+    assert not is_feasible(sampled, field).all()
+    (certified,) = ByExchange(Slsqp()).solve(window, [guess])
+    assert certified.feasible
+    assert certified.rounds > 1
+    assert is_feasible(certified.control, field, tolerance=AIM).all()
+    assert certified.solution.objective <= float(problem.f(problem.chain.unknowns(sampled))) * 1.01
+
+
+@pytest.mark.parametrize(
+    ("segment", "kind"),
+    [
+        ([[0, 0], [9, 0], [9, 0], [9, 0]], None),
+        ([[0, 0], [20, 0], [20, 0], [20, 0]], "LengthBounds"),
+        ([[0, 0], [1, 0], [1, 0], [1, 0]], "LengthBounds"),
+        ([[0, 0], [6, 6], [0, 0], [6, 6]], "SpeedAt"),
+        ([[-9, 0], [-9, 6], [-12, 0], [12, 0]], "InsideAt"),
+        ([[20, 50], [32, 50], [12, 0], [12, 0]], "ClearanceAt"),
+    ],
+)
+def test_certification_names_the_row_that_is_broken(
+    segment: list[list[float]], kind: str | None
+) -> None:
+    field = Field(name="disc", obstacles=Discs([[26.0, 50.0]], [1.0]))
+    rows = broken_rows(np.array([segment], dtype=float), field, PAPER_LIMITS)
+    assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
+    for row in rows:
+        assert row.values(np.array([segment], dtype=float)).min() < -AIM
+
+
+def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
+    vehicle = transition.depart(OPEN)
+    chain = straight(vehicle, 3, PAPER_LIMITS)
+    guess = shifted(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
+    np.testing.assert_array_equal(guess[:2], chain[1:])
+    np.testing.assert_array_equal(guess[2], chain[2][[1, 1, 3, 3]])
+
+
+def test_random_chains_keep_to_the_step_radii_and_join() -> None:
+    vehicle = transition.depart(OPEN)
+    stream = np.random.default_rng(0)
+    chains = random_chains(stream, vehicle, 3, PAPER_LIMITS, 200)
+    assert chains.shape == (200, 3, 4, 2)
+    chords = np.linalg.norm(chains[:, :, 1] - chains[:, :, 0], axis=-1)
+    assert chords.min() >= 3.0
+    assert chords.max() <= 15.0
+    assert chords.min() < 3.5
+    assert chords.max() > 14.5
+    np.testing.assert_array_equal(chains[:, 1:, (0, 2)], chains[:, :-1, (1, 3)])
+    assert (chains[:, 0, 2] == vehicle.derivative).all()
+
+
+def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
+    field = one("paper:1")
+    vehicle = transition.depart(field)
+    near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
+    every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
+    within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
+    assert 0 < within < 50
+    guess = straight(vehicle, 3, PAPER_LIMITS)
+    assert len(near.c(near.chain.unknowns(guess))) == 6 + 3 * 29 * within
+    assert len(every.c(every.chain.unknowns(guess))) == 6 + 3 * 29 * 50
+
+
+@pytest.mark.parametrize("number", range(1, 5))
+def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
+    field = one(f"paper:{number}")
+    vehicle = transition.depart(field)
+    window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
+    problem, (low, high) = window.sampled(), window.box
+    unknowns = [window.chain.unknowns(chain) for chain in chains]
+    expected = [
+        bool(problem.c(x).min() >= 0.0 and (x >= low).all() and (x <= high).all()) for x in unknowns
+    ]
+    assert 0 < sum(expected) < 1000
+    np.testing.assert_array_equal(window.admits(chains), expected)
+
+
+def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
+    field = one("sparse/train:0")
+    state, planner = depart(field), RecedingHorizon(random_starts=4)
+    window = planner.window(field, state.vehicle)
+    batches = list(planner.starts(window, state, 7))
+    names = [[name for name, _ in batch] for batch in batches]
+    drawn = [f"random {k}" for k in range(1, 5)]
+    assert names == [["straight", *drawn], drawn, drawn]
+    np.testing.assert_array_equal(batches[0][0][1], straight(state.vehicle, 3, PAPER_LIMITS))
+    randoms = np.array([guess for batch in batches for name, guess in batch if name in drawn])
+    assert window.admits(randoms).all()
+    assert len({guess.tobytes() for guess in randoms}) == len(randoms)
+    again = [guess for batch in planner.starts(window, state, 7) for _, guess in batch]
+    np.testing.assert_array_equal(again[1:5], randoms[:4])
+    flown = State(
+        transition.State(field.start, field.departure, 1), straight(state.vehicle, 2, PAPER_LIMITS)
+    )
+    ((name, guess), *_), *_ = planner.starts(window, flown, 7)
+    assert name == "shifted"
+    np.testing.assert_array_equal(guess, shifted(flown.vehicle, flown.tail, 3))
+
+
+def test_where_starts_lead_to_nothing_more_are_drawn() -> None:
+    counts = []
+
+    def drawn(stream: np.random.Generator, *sizes: object) -> np.ndarray:
+        counts.append(sizes[-1])
+        return random_chains(stream, *sizes)
+
+    planner = RecedingHorizon(random_starts=3, draws=2, random_guess=drawn)
+    state = depart(OPEN)
+    batches = planner.starts(planner.window(OPEN, state.vehicle), state, 0)
+    assert next(batches)
+    assert counts == [6]
+    assert len([*batches]) == 2
+    assert counts == [6, 60, 600]
+
+
+def test_without_random_starts_there_is_one() -> None:
+    state, planner = depart(OPEN), RecedingHorizon(random_starts=0)
+    batches = list(planner.starts(planner.window(OPEN, state.vehicle), state, 0))
+    assert [[name for name, _ in batch] for batch in batches] == [["straight"]]
+
+
+def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
+    field = one("sparse/train:0")
+    planner = RecedingHorizon(first_guess=nothing, random_starts=1, draws=100, redraws=())
+    state = depart(field)
+    window = planner.window(field, state.vehicle)
+    batches = list(planner.starts(window, state, 0))
+    assert [[name for name, _ in batch] for batch in batches] == [["random 1"]]
+    plan = planner.plan(field, state, 0)
+    assert {decision.report.start for decision in plan.decisions} <= {"random 1", "planned"}
+    assert_may_be_flown(plan, field)
+
+
+def test_without_any_guess_no_way_on_is_found() -> None:
+    planner = RecedingHorizon(first_guess=nothing, random_starts=0)
+    decision = planner.decide(OPEN, depart(OPEN), 0)
+    assert decision.chain is None
+    assert decision.report.starts == 0
+
+
+@pytest.mark.parametrize("longest", [15.0, 30.0])
+def test_segments_flown_without_actions_keep_their_own_limits(longest: float) -> None:
+    field = one("sparse/train:0")
+    limits = replace(PAPER_LIMITS, longest=longest)
+    planner = RecedingHorizon(limits=limits, follow=transition.follow_exactly)
+    plan = planner.plan(field, depart(field), 0)
+    assert plan.success
+    control = plan.control
+    assert is_feasible(control, field, limits, AIM).all()
+    np.testing.assert_array_equal(control[0, 0], field.start)
+    np.testing.assert_array_equal(control[0, 2], field.departure)
+    np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
+    np.testing.assert_array_equal(control[-1, 1], field.goal)
+    assert (inspect(control, field).length.max() > 15.1) == (longest > 15.0)
+
+
+def test_segments_that_no_action_reaches_are_refused_where_actions_fly_them() -> None:
+    with pytest.raises(ValueError, match=r"too short for limits\.longest = 20\.0 m"):
+        RecedingHorizon(limits=replace(PAPER_LIMITS, longest=20.0))
+
+
+@pytest.mark.parametrize(
+    ("distance", "segments"), [(2.0, 1), (5.9, 1), (6.1, 2), (9.1, 3), (80, 3)]
+)
+def test_near_the_goal_fewer_segments_are_planned(distance: float, segments: int) -> None:
+    vehicle = transition.State(OPEN.goal - [0.0, distance], np.array([0.0, 5.0]))
+    assert RecedingHorizon().window(OPEN, vehicle).chain.segments == segments
+
+
+@pytest.mark.parametrize("number", range(1, 5))
+def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
+    field = one(f"paper:{number}")
+    hasty, patient = RecedingHorizon(deadline=1e-9), RecedingHorizon()
+    decision = hasty.decide(field, depart(field), 0)
+    assert decision.report.cut_short
+    if decision.chain is not None:
+        assert is_feasible(decision.chain, field, tolerance=AIM).all()
+        better = patient.decide(field, depart(field), 0).report
+        assert not better.cut_short
+        assert better.objective <= decision.report.objective
+    plan = hasty.plan(field, depart(field), 0)
+    assert is_feasible(plan.control, field).all()
+    assert all(d.report.cut_short or d.report.start == "planned" for d in plan.decisions)
+
+
+def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
+    vehicle = transition.depart(OPEN)
+    chain = straight(vehicle, 3, PAPER_LIMITS)
+    # the shifted plan ends in a segment without length: no start is feasible
+    state = State(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:])
+    decision = RecedingHorizon(random_starts=0, deadline=1e-9).decide(OPEN, state, 0)
+    assert decision.report.start == "planned"
+    assert decision.report.cut_short
+    np.testing.assert_array_equal(decision.chain, chain[1:])
+
+
+def test_a_planner_takes_any_solver_of_windows() -> None:
+    planner = RecedingHorizon(random_starts=0, solver=ByExchange(Slsqp()))
+    field = one("sparse/train:0")
+    plan = planner.plan(field, depart(field), 0)
+    assert plan.success
+    assert_may_be_flown(plan, field)
+
+
+def test_an_unknown_planner_is_refused_by_name() -> None:
+    with pytest.raises(ValueError, match="unknown planner 'nobody'; planners are single-start"):
+        make("nobody")
+
+
+def test_clearance_of_a_plan_is_contact_or_more() -> None:
+    plan = planned("multi-start", "sparse/train:0")
+    assert inspect(plan.control, one("sparse/train:0")).clearance.min() >= -1e-5
