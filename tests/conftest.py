@@ -5,16 +5,15 @@ import importlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import settings
 
 from tests.fuzz.cases import LARGE
+from tests.support.places import ROOT
 from tests.support.waiting import until
 
-ROOT = Path(__file__).parent.parent
 settings.register_profile("large", max_examples=LARGE)  # `make fuzz`
 
 

@@ -18,7 +18,7 @@ from agents.cli.arguments import (
     workers,
 )
 from agents.cli.completion import DIRECTORY, FIELDS, POLICY, completes
-from agents.models import shipped_agents
+from agents.models.shipped_agents import shipped
 from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
@@ -42,7 +42,7 @@ policies:
   options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
               NAME+sensing=METRES, or several; single-start and multi-start
               with +from=POLICY start from what that policy would fly
-  agents      {", ".join(shipped_agents.shipped()) or "none are shipped"}, or the directory of a trained one;
+  agents      {", ".join(shipped()) or "none are shipped"}, or the directory of a trained one;
               AGENT+tries=N imagines N flights and flies the shortest
   +shield     ends the name of any policy that decides step by step:
               guided takes over doubtful steps

@@ -1,7 +1,7 @@
 """Learned policies through many fields at once, each flight as if it were alone.
 
-A network's answer to a row does not depend on the rows beside it (`agents.models.model.Network`), so
-flights are the same, to the last bit, however many are in the air.
+A network's answer to a row does not depend on the rows beside it (`agents.models.model.Network`),
+so flights are the same, to the last bit, however many are in the air.
 """
 
 from __future__ import annotations

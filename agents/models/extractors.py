@@ -1,8 +1,8 @@
 """Features of observations: plain, or of obstacles as the set that they are.
 
 All of them show near things on a finer scale too: a metre matters beside an obstacle and on the
-last segments before the goal, and is little of all that lengths are parts of. `agents.models.inference.features` has
-the first two as flights use them, compiled.
+last segments before the goal, and is little of all that lengths are parts of.
+`agents.models.inference.features` has the first two as flights use them, compiled.
 """
 
 from __future__ import annotations

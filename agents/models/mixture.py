@@ -72,8 +72,8 @@ class Mixture(DiagGaussianDistribution):
     def mode(self) -> Tensor:
         """Actions (n, action_dim): the mean of the components that agree on the likeliest way.
 
-        The density's own maximum would be wherever a component is narrowest. `agents.models.inference.heads` has
-        the same compiled.
+        The density's own maximum would be wherever a component is narrowest.
+        `agents.models.inference.heads` has the same compiled.
         """
         weights = self.log_weights.exp()
         apart = (self.means[:, :, None] - self.means[:, None]).square().sum(dim=3)

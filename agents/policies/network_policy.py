@@ -19,7 +19,8 @@ class Pilot:
     """A model as a policy (`agents.policies.interface.Policy`); it flies what it thinks best.
 
     It sees what it was trained to see, whatever the environment shows, and flies the very
-    flights that `agents.flights.batched.fly_batch` does. A model of torch keeps it to one thread for good.
+    flights that `agents.flights.batched.fly_batch` does. A model of torch keeps it to one thread
+    for good.
     """
 
     def __init__(self, model: Model) -> None:

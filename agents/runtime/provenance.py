@@ -28,7 +28,7 @@ def commit() -> str | None:
 
     None where there is no checkout, or no git.
     """
-    root = Path(__file__).parent.parent
+    root = Path(__file__).parents[2]
     if not (root / ".git").exists():
         return None
     ask = ["git", "-C", str(root), "describe", "--always", "--dirty", "--abbrev=40", "--exclude=*"]

@@ -1,1 +1,1 @@
-"""Training of agents: runs, checkpoints, hyperparameters, and the algorithms of Stable-Baselines3."""
+"""Training of agents: runs, checkpoints, hyperparameters, and Stable-Baselines3's algorithms."""

@@ -16,7 +16,7 @@ from typing import Any
 from agents.runtime.safe_npz import reason
 from ferguson_gym import ENVIRONMENT_ID
 
-SHIPPED = Path(__file__).parent / "hyperparameters"
+SHIPPED = Path(__file__).parent / "configs"
 """Files that come with the package, `ALGORITHM.yml` the default of each algorithm."""
 _COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
 _LINEAR = "lin_"

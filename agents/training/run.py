@@ -94,9 +94,9 @@ class Trainer(Protocol):
     def prepare(self, run: Run) -> Job:
         """Check all that can be checked, and return what trains.
 
-        The job goes on from the run's checkpoint if there is one; `agents.training.learning_curve.Record`
-        keeps the curve and the best model and writes the final one. Interrupted, it writes a
-        checkpoint and raises KeyboardInterrupt.
+        The job goes on from the run's checkpoint if there is one;
+        `agents.training.learning_curve.Record` keeps the curve and the best model and writes the
+        final one. Interrupted, it writes a checkpoint and raises KeyboardInterrupt.
 
         Raises:
             ValueError: what the run asks for makes no sense; nothing is written then.

@@ -7,7 +7,6 @@
 import ast
 import importlib
 import inspect
-import pkgutil
 import re
 from pathlib import Path
 
@@ -33,14 +32,16 @@ def docstring(name: str) -> str:
 
 def modules(package: str) -> str:
     """A table of a package's modules, then what each of them offers."""
-    places = importlib.import_module(package).__path__
-    names = sorted(module.name for module in pkgutil.iter_modules(places))
+    root = Path(importlib.import_module(package).__path__[0])
     rows, parts = [], []
-    for name in names:
-        source = (Path(places[0]) / f"{name}.py").read_text(encoding="utf-8")
+    for path in sorted(root.rglob("*.py")):
+        if path.name == "__init__.py":
+            continue
+        name = ".".join(path.relative_to(root).with_suffix("").parts)
+        source = path.read_text(encoding="utf-8")
         line = (ast.get_docstring(ast.parse(source)) or "").splitlines()[0]
         rows.append(
-            f"| [`{name}`](#{package.replace('_', '-')}-{name.replace('_', '-')}) | {line} |\n"
+            f"| [`{name}`](#{package.replace('_', '-')}-{re.sub('[._]', '-', name)}) | {line} |\n"
         )
         parts.append(
             f"\n## {package}.{name}\n\n```{{eval-rst}}\n.. automodule:: {package}.{name}\n```\n"

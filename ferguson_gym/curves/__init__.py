@@ -1,1 +1,1 @@
-"""Ferguson segments: points, derivatives, arc length, curvature, certified clearance, and chains."""
+"""Ferguson segments: derivatives, arc length, curvature, certified clearance, and chains."""

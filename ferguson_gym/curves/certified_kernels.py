@@ -1,7 +1,7 @@
 """Certified questions about one segment at a time, compiled: clearance, speed, room.
 
-The searches are those of `ferguson_gym.curves.nearest_point`; here segments become Bézier curves, cheap
-bounds spare most searches, and outward margins cover rounding.
+The searches are those of `ferguson_gym.curves.nearest_point`; here segments become Bézier curves,
+cheap bounds spare most searches, and outward margins cover rounding.
 """
 
 from __future__ import annotations

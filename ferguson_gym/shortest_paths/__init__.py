@@ -1,1 +1,1 @@
-"""Exact shortest paths among discs in the plane: lengths, distance to the goal, homotopy classes."""
+"""Exact shortest paths among discs in the plane, distance to the goal, homotopy classes."""

@@ -1,6 +1,7 @@
 """Imagined flights: vehicles that set out together from any state, stepped as the environment does.
 
-What is imagined is judged by the compiled code that judges flights (`ferguson_gym.simulation.step_kernel`).
+What is imagined is judged by the compiled code that judges flights
+(`ferguson_gym.simulation.step_kernel`).
 """
 
 from __future__ import annotations

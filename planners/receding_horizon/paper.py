@@ -1,9 +1,9 @@
 """The paper's planner: optimise three segments, fly one, plan three again.
 
 Choices the paper leaves open, each in one place: the very first guess and the derivatives
-of random guesses (`planners.optimization.initial_guesses`); a solve counts when its chain is certified feasible,
-whether or not the solver calls it converged; near the goal, within three shortest
-segments, fewer segments are planned; the start derivative and the gate are the field's and
+of random guesses (`planners.optimization.initial_guesses`); a solve counts when its chain is
+certified feasible, whether or not the solver calls it converged; near the goal, within three
+shortest segments, fewer segments are planned; the start derivative and the gate are the field's and
 the limits'.
 """
 

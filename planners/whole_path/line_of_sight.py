@@ -41,7 +41,8 @@ def scene_from(
 def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
     """Whether straight lines enter no disc and stay inside the bounds: (n,).
 
-    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`, the same as that of shortest paths.
+    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`, the same as that of shortest
+    paths.
 
     Args:
         scene: what can stand in the way.

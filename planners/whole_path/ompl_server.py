@@ -1,4 +1,4 @@
-"""The process in which OMPL plans: `python -m planners.whole_path.ompl_server`, started by `planners.whole_path.subprocess_worker`.
+"""The process in which OMPL plans, started by `planners.whole_path.subprocess_worker`.
 
 Everything of OMPL is made anew for each problem, after the seed is set: then it draws the same
 numbers whatever was planned before. OMPL asks Python whether a line is clear, a hundred thousand

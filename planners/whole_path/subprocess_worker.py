@@ -23,7 +23,7 @@ from typing import Any
 
 from planners.interface import CrashedError
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 """Where modules are imported from."""
 STARTING = 120.0
 """How long a process may take to start [s]; the first one on a machine compiles."""

@@ -8,7 +8,6 @@ import threading
 import time
 import weakref
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numba
@@ -22,9 +21,9 @@ from ferguson_gym.simulation.step_kernel import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
+from tests.support.places import ROOT
 from tests.support.waiting import until
 
-ROOT = Path(__file__).parent.parent
 OPEN = Field(name="open", obstacles=Discs([], []))
 
 
@@ -186,10 +185,10 @@ SCRIPT = """
 import os, sys
 import numba
 import numpy as np
-from ferguson_gym import fleet
+from ferguson_gym.simulation import batch_simulator
 from ferguson_gym.vector_environment import VectorObstacleField
 
-fleet.numba.get_num_threads = lambda: 3
+batch_simulator.numba.get_num_threads = lambda: 3
 envs = VectorObstacleField(70, fields=20)
 envs.reset(seed=0)
 still = np.zeros((70, 4), np.float32)

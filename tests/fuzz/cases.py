@@ -11,11 +11,12 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis.strategies import SearchStrategy
+
+from tests.support.places import ROOT
 
 COUNTS: Counter[str] = Counter()
 """Cases by entry point, of this process."""
@@ -27,7 +28,6 @@ SLOW = 30.0
 """Processor time that a case of the large run may take [s]; but for the first, which compiles."""
 HANG = 300.0
 """Processor time after which a case is taken to hang: the process ends and says where [s]."""
-ROOT = Path(__file__).parent.parent.parent
 _OURS = tuple(str(ROOT / package) for package in ("ferguson_gym", "planners", "agents"))
 _RAISE = dis.opmap["RAISE_VARARGS"]
 _LONGEST = 1500

@@ -23,8 +23,9 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import depart
+from tests.support.places import ROOT
 
-EXAMPLES = Path(__file__).parent.parent / "examples"
+EXAMPLES = ROOT / "examples"
 Run = Callable[..., tuple[dict[str, Any], str]]
 
 

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.support.places import ROOT
+
 PACKAGES = ("ferguson_gym", "planners", "agents", "benchmarks")
 _READERS = {
     "load": {"np": "allow_pickle=False", "torch": "weights_only=True"},

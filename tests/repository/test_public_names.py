@@ -14,11 +14,12 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.support.places import ROOT
+
 PACKAGES = ("ferguson_gym", "planners", "agents")
 DOCUMENTS = sorted(
     path
-    for pattern in ("*.md", "docs/**/*.md", "agents/shipped/**/*.md", "benchmarks/*.md")
+    for pattern in ("*.md", "docs/**/*.md", "agents/models/shipped/**/*.md", "benchmarks/*.md")
     for path in ROOT.glob(pattern)
 )
 _CODE = re.compile(r"`+([^`]+)`+")

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from agents.runtime.executors import place_of
+from tests.support.places import ROOT
 
 Start = Callable[[], subprocess.Popen[bytes]]
 
@@ -26,7 +27,7 @@ def free_port() -> int:
 def process(place: Path, *words: str) -> Iterator[subprocess.Popen[bytes]]:
     with (place / f"{words[0]}.log").open("ab") as log:
         command = [sys.executable, "-m", *words]
-        environment = os.environ | {"PYTHONPATH": str(Path(__file__).parent.parent)}
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
         run = subprocess.Popen(command, stdout=log, stderr=log, cwd=place, env=environment)
     try:
         yield run

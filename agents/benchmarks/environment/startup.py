@@ -50,7 +50,7 @@ def _ask(question: str, observation: str, more: dict[str, str]) -> list[float]:
     from pathlib import Path
 
     # the same packages as here, wherever that is
-    root = str(Path(__file__).parent.parent)
+    root = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     program = (
         f"from agents.benchmarks.environment.startup import {question}; {question}({observation!r})"

@@ -18,7 +18,7 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
 
 REPORT = "report.html"
-_TEMPLATE = "report_template.html"
+_TEMPLATE = "template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
 _EQUAL = 5e-5
@@ -73,7 +73,7 @@ def write_report(
 
 def page(data: Mapping[str, Any]) -> str:
     """The template with its data, in which nothing can end the element that holds it."""
-    template = files("agents").joinpath(_TEMPLATE).read_text(encoding="utf-8")
+    template = files("agents.evaluation.report").joinpath(_TEMPLATE).read_text(encoding="utf-8")
     before, after = template.split(_PLACE)
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII alone
     return before + text.replace("<", "\\u003c") + after

@@ -1,4 +1,4 @@
-"""Features of observations, compiled: what the extractors of `agents.models.extractors` make of them."""
+"""Features of observations, compiled, as `agents.models.extractors` computes them."""
 
 from __future__ import annotations
 

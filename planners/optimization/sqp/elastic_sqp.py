@@ -1,8 +1,8 @@
 """Elastic sequential quadratic programming in a trust region: a window from one start.
 
 At unknowns x, with multipliers lambda of the step before, the next step p solves the elastic
-quadratic programme of `planners.optimization.sqp.elastic_qp`: linearised lengths and contacts, and for H the
-exact Hessian of the Lagrangian f - lambda.c, made definite. A filter judges the step: it
+quadratic programme of `planners.optimization.sqp.elastic_qp`: linearised lengths and contacts, and
+for H the exact Hessian of the Lagrangian f - lambda.c, made definite. A filter judges the step: it
 must lessen the objective or the violation against every point before.
 
 A window is flat along some directions: where a joint sits and how long a derivative is
@@ -195,7 +195,8 @@ class Search:
         if not isinstance(discs, Discs):
             raise TypeError(
                 f"this solver knows discs, not {type(discs).__name__}; "
-                f"planners.optimization.reference.exchange.ByExchange solves windows among any obstacles"
+                "planners.optimization.reference.exchange.ByExchange solves windows among any "
+                "obstacles"
             )
         self.options, self.window, self.until = options, window, until
         self.box = window.box

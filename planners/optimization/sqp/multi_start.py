@@ -1,8 +1,8 @@
 """Our solver of windows: searches from many starts, certified together.
 
 What certification finds joins as rows, and the search goes on: the exchange method of
-semi-infinite programming, as in `planners.optimization.reference.exchange`, around a search that already follows the
-nearest points of the whole curve and therefore seldom needs it.
+semi-infinite programming, as in `planners.optimization.reference.exchange`, around a search that
+already follows the nearest points of the whole curve and therefore seldom needs it.
 """
 
 from __future__ import annotations

@@ -7,8 +7,8 @@ s^3 >= R c, and so has a right turn with -c. What must not fall below zero is ta
 
 which has the same sign, changes by as much as v does where the curve turns no more sharply than
 it may, and is smooth where the curve nearly stands still. Local minima over t are contacts as
-in `planners.optimization.sqp.contacts`, and so are parameters looked at where the curve turns nearly as sharply
-as it may: an arc of the least radius touches the limit all along.
+in `planners.optimization.sqp.contacts`, and so are parameters looked at where the curve turns
+nearly as sharply as it may: an arc of the least radius touches the limit all along.
 """
 
 from __future__ import annotations
@@ -219,8 +219,8 @@ def too_sharp(chain: Array, radius: float, tolerance: float) -> Array:
     """Where certification finds segments (n, 4, 2) turn too sharply, as contacts to hold.
 
     Returns:
-        (k, 3) segment, side and parameter, as in `planners.optimization.sqp.expansion.Layout.held`; none for a
-        radius of zero, which allows any turn.
+        (k, 3) segment, side and parameter, as in `planners.optimization.sqp.expansion.Layout.held`;
+        none for a radius of zero, which allows any turn.
     """
     if radius == 0.0:
         return np.empty((0, 3))

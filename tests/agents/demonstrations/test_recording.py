@@ -111,7 +111,7 @@ def test_the_number_of_workers_changes_nothing(tmp_path: Path) -> None:
 def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
     request, place = wanted("sparse/train:0-49"), tmp_path / "work"
     program = (
-        "import sys; from pathlib import Path; from agents import demonstrations_work as work\n"
+        "import sys; from pathlib import Path; from agents.demonstrations import work\n"
         "request = work.Request(expert='guided', specs=('sparse/train:0-49',), "
         "arguments={'observation': 'discs'}, software={'versions': {}, 'commit': None})\n"
         "place = Path(sys.argv[1])\n"

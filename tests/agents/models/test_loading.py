@@ -20,6 +20,7 @@ from agents.cli.main import main
 from agents.flights.batched import fly_batch
 from agents.models import loading
 from ferguson_gym.world.field_names import select
+from tests.support.places import ROOT
 from tests.support.small_models import DISCS, saved
 
 FIELDS = "sparse/train:0-5"
@@ -53,7 +54,7 @@ def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Pa
     subprocess.run(
         [sys.executable, "-c", PROGRAM, model, FIELDS, tmp_path / "control.npy"],
         check=True,
-        cwd=Path(__file__).parent.parent,
+        cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "2"},  # it is the model that flies with one
     )
     control = np.concatenate([flight.control for flight in flown])

@@ -12,6 +12,7 @@ import pytest
 from agents.models import shipped_agents
 from agents.models.model_card import Card
 from agents.policies.registry import make_policy
+from tests.support.places import ROOT
 
 
 def agent(directory: Path) -> Path:
@@ -102,9 +103,9 @@ def test_what_is_shipped_is_whole() -> None:
 
 def test_planners_fly_without_what_agents_need() -> None:
     program = (
-        "import sys; from agents.cli.main import _parser; from agents import evaluation; "
+        "import sys; from agents.cli.main import _parser; import agents.evaluation.run; "
         "from agents.policies.registry import make_policy; _parser(); make_policy('guided'); "
         "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
     )
-    root = Path(__file__).parent.parent
+    root = ROOT
     subprocess.run([sys.executable, "-c", program], check=True, cwd=root)

@@ -2,7 +2,6 @@
 
 import json
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,10 +15,11 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import paper_field
+from tests.support.places import DATA
 from tests.support.taut_paths import assert_is_taut, fields, random_field
 
 # shortest paths to six decimals, found independently
-PAPER = json.loads((Path(__file__).parent / "data" / "paper_fields.json").read_text())
+PAPER = json.loads((DATA / "paper_fields.json").read_text())
 
 
 def field_of(centers: object, radii: object, **options: object) -> Field:

@@ -19,8 +19,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import SUITES, suite_field
+from tests.support.places import ROOT
 
-ROOT = Path(__file__).parent.parent
 OPEN = Field(name="open", obstacles=Discs([], []))
 SCATTERED = [suite for suite in SUITES if suite != "traps"]
 

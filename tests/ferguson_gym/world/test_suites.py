@@ -4,7 +4,6 @@ import hashlib
 import itertools
 import json
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -21,9 +20,10 @@ from ferguson_gym.world.suites import (
     suite_discs,
     suite_field,
 )
+from tests.support.places import DATA
 
 # coordinates to ten decimals and shortest paths to six, reconstructed independently
-PAPER = json.loads((Path(__file__).parent / "data" / "paper_fields.json").read_text())
+PAPER = json.loads((DATA / "paper_fields.json").read_text())
 
 # SHA-256 of the bytes of centres and radii; a change of any is a new suite
 HASHES = {

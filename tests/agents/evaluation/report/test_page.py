@@ -203,7 +203,7 @@ def test_a_drawn_shortest_path_turns_with_its_discs() -> None:
 
 
 def test_policies_have_the_colours_that_they_have_in_the_picture() -> None:
-    template = Path(report.__file__).with_name("report_template.html").read_text(encoding="utf-8")
+    template = Path(report.__file__).with_name("template.html").read_text(encoding="utf-8")
     light = template[: template.index("prefers-color-scheme: dark")]
     assert tuple(re.findall(r"--c[0-9]: (#[0-9a-f]{6});", light)) == COLOURS
 

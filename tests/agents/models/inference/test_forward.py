@@ -26,8 +26,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import one, select
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
+from tests.support.places import ROOT
 
-ROOT = Path(__file__).parent.parent
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 5, "view": 20.0}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7, "focus": 6.0}
@@ -112,6 +112,7 @@ def test_it_acts_as_the_same_network_in_torch(given: Card) -> None:
 )
 def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     pytest.importorskip("sb3_contrib")
+    from agents.models import torch_model
     from agents.models.torch_model import TorchNetwork
 
     place = shipped_agents.shipped()[name]

@@ -330,10 +330,10 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
     assert main(command("dagger")) == 0
     program = (
         "import sys, numpy\n"
-        "from agents import models\n"
+        "from agents.models import loading\n"
         "from agents.flights.batched import fly_batch\n"
         "from ferguson_gym.world.field_names import select\n"
-        "flights = fly_batch(models.load(sys.argv[1]), select(sys.argv[2]))\n"
+        "flights = fly_batch(loading.load(sys.argv[1]), select(sys.argv[2]))\n"
         "numpy.save(sys.argv[3], numpy.concatenate([flight.control for flight in flights]))\n"
     )
     arguments = [str(tmp_path / "out"), "sparse/test:0-3", str(tmp_path / "there.npy")]
