@@ -25,13 +25,13 @@ from agents.flights.batched import fly_batch
 from agents.flights.flight import fly
 from agents.models import shipped_agents
 from agents.policies.interface import Policy
-from agents.policies.network_policy import pilot
+from agents.policies.network_policy import network_policy
 from agents.policies.planner_policies import expert
 from agents.policies.registry import make_policy
 from agents.policies.warm_up import warm_policy
 from agents.runtime.terminal import Terminal
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
 from planners.receding_horizon.paper import RecedingHorizon
@@ -57,7 +57,7 @@ def main() -> None:
     parser.add_argument("--policy", action="append")
     given = parser.parse_args()
     numba.set_num_threads(1)
-    fields = list(select(given.fields))
+    fields = list(get_fields(given.fields))
     names = given.policy or [
         "best",
         "dagger-ppo",
@@ -71,7 +71,7 @@ def main() -> None:
         fly(policy, name, fields[0], 0)
         rows.append((name, *cost(policy, name, fields)))
         if is_batched(name) and (place := shipped_agents.find(name)) is not None:
-            model = pilot(place).model
+            model = network_policy(place).model
             began = time.process_time()
             flights = fly_batch(model, fields)
             each = (time.process_time() - began) / len(fields)

@@ -35,8 +35,8 @@ from agents.policies.registry import make_policy
 from agents.training.learning_curve import CURVE
 from ferguson_gym.rendering.drawing import style
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
-from ferguson_gym.world.field_names import select
+from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.world.field_names import get_fields
 
 MARKS = "os^Dv*"
 """Of runs, in their order."""
@@ -176,7 +176,7 @@ def _figure(out: Path, width: float, height: float) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height))
         FigureCanvasAgg(figure)
         yield figure
-        with written_whole(out) as temporary:
+        with atomic_write(out) as temporary:
             figure.savefig(temporary)
 
 
@@ -228,7 +228,7 @@ def main() -> None:
         if given.command == "curves":
             curves = [read_curve(name, directory) for name, directory in given.run]
         else:
-            fields = [field for spec in given.fields for field in select(spec)]
+            fields = [field for spec in given.fields for field in get_fields(spec)]
             for policy in given.policy:
                 make_policy(policy)
     except ValueError as error:

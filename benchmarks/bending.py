@@ -13,8 +13,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from ferguson_gym.world.field_names import select
-from planners.interface import Plan, depart
+from ferguson_gym.world.field_names import get_fields
+from planners.interface import Plan, initial_state
 from planners.optimization.window import WindowSettings
 from planners.receding_horizon.paper import RecedingHorizon
 
@@ -23,7 +23,7 @@ WEIGHTS = (0.0, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2)
 
 def main(number: int) -> None:
     """Fly every weight and print a row for each."""
-    fields = list(select(f"standard/train:0-{number - 1}"))
+    fields = list(get_fields(f"standard/train:0-{number - 1}"))
     table = Table(title=f"multi-start on standard/train:0-{number - 1}")
     for column in (
         "stiffness [1/m]",
@@ -35,12 +35,12 @@ def main(number: int) -> None:
         "least turn radius [m]",
     ):
         table.add_column(column, justify="right")
-    RecedingHorizon().plan(fields[0], depart(fields[0]), 0)
+    RecedingHorizon().plan(fields[0], initial_state(fields[0]), 0)
     without: dict[str, float] = {}
     for weight in WEIGHTS:
         planner = RecedingHorizon(settings=WindowSettings(stiffness=weight))
         plans: dict[str, Plan] = {
-            field.name: planner.plan(field, depart(field), 0) for field in fields
+            field.name: planner.plan(field, initial_state(field), 0) for field in fields
         }
         paths = {name: plan.path for name, plan in plans.items() if plan.path is not None}
         if weight == 0.0:

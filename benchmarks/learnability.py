@@ -28,10 +28,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.vector_environment import VectorObstacleField
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.outcome import Outcome
 
 ENVIRONMENTS = 256
@@ -80,7 +80,7 @@ class Score:
 
 def fly(model: PPO, variant: Variant, fields: str) -> Score:
     """Fly the policy's mean action through fields, all at once."""
-    flown = list(select(fields))
+    flown = list(get_fields(fields))
     envs = VectorObstacleField(
         len(flown), autoreset_mode="Disabled", fields=1, **{**CHOSEN, **variant.environment}
     )
@@ -143,11 +143,11 @@ class Watch(BaseCallback):
             return
         score = fly(self.model, self._variant, CHOSEN_ON)
         if score.spl > max((point["spl"] for point in self.curve), default=-1.0):
-            with written_whole(self._out / "best.zip") as temporary:
+            with atomic_write(self._out / "best.zip") as temporary:
                 self.model.save(temporary)
         minutes = self.elapsed / 60.0
         self.curve.append({"steps": steps, "minutes": minutes, **vars(score)})
-        with written_whole(self._out / "curve.json") as temporary:
+        with atomic_write(self._out / "curve.json") as temporary:
             temporary.write_text(json.dumps(self.curve, indent=1) + "\n")
         print(
             f"{steps:>10} steps {minutes:6.1f} min   SPL {score.spl:.3f}   "

@@ -21,7 +21,7 @@ from stable_baselines3 import PPO
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.rendering.drawing import START, draw_field, draw_path, draw_refused, style
 from ferguson_gym.shortest_paths.exact import shortest_path
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.outcome import Outcome
 
 FIELDS = ("standard/validation:200", "standard/validation:201", "standard/validation:202")
@@ -54,7 +54,7 @@ def main(results: Path, picture: Path) -> None:
                 (action,) = PHASES[-1].variant.act(choice[None]).astype(np.float32)
                 seen, _, terminated, truncated, info = env.step(action)
                 over = terminated or truncated
-            field = one(name)
+            field = get_field(name)
             draw_field(panel, field)
             exact = shortest_path(field)
             if exact is not None:

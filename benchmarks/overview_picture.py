@@ -29,14 +29,14 @@ from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.simulation.observe import observe_one
-from ferguson_gym.simulation.simulated_rollouts import Imagined
+from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
 from ferguson_gym.world import transition as flight
 from ferguson_gym.world.actions import decode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 
 FIELD = "standard/validation:8"
@@ -55,7 +55,7 @@ _SHORTEST: dict[str, Any] = {"color": "black", "ls": (0, (1, 1.6)), "lw": 1.1}
 
 def draw(out: Path) -> None:
     """Fly, and write the picture."""
-    flights = {name: fly_by_name(name, one(FIELD), 0) for name in (EXACT, OPTIMISER, AGENT)}
+    flights = {name: fly_by_name(name, get_field(FIELD), 0) for name in (EXACT, OPTIMISER, AGENT)}
     width, height = 3 * (SIDE + APART) + APART, TITLE + SIDE + BELOW
     with mpl.rc_context(drawing.style()):
         figure = Figure(figsize=(width, height))
@@ -68,7 +68,7 @@ def draw(out: Path) -> None:
         _task(panels[0], list(flights.values()))
         _horizon(panels[1], flights[OPTIMISER])
         _imagination(panels[2], flights[AGENT])
-        with written_whole(out) as temporary:
+        with atomic_write(out) as temporary:
             figure.savefig(temporary)
 
 
@@ -156,7 +156,7 @@ def _imagination(axes: Axes, flown: Flight) -> None:
 
 def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
     """Flights from a state on, as `agents.policies.lookahead` imagines them, as points."""
-    flights = Imagined(field, vehicle, TRIES, model.settings)
+    flights = SimulatedRollouts(field, vehicle, TRIES, model.settings)
     states = [(vehicle.position, vehicle.derivative)] * TRIES
     curves: list[list[Array]] = [[] for _ in range(TRIES)]
     stream = np.random.default_rng(0)

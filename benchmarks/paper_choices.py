@@ -19,11 +19,11 @@ from rich.table import Table
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import START_SPEED, Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.paper_fields import TABLE_I
 from ferguson_gym.world.transition import State
-from planners.interface import Plan, depart
+from planners.interface import Plan, initial_state
 from planners.optimization.initial_guesses import random_chains
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
 from planners.optimization.sqp.multi_start import MultiStart
@@ -93,12 +93,12 @@ def fly(variant: str, field: Field, seed: int) -> Plan:
     """One flight of a variant."""
     planner, change = VARIANTS[variant]
     changed = change(field)
-    return planner.plan(changed, depart(changed), seed)
+    return planner.plan(changed, initial_state(changed), seed)
 
 
 def main(seeds: int) -> None:
     """Fly every variant and print a row for each."""
-    fields = list(select("paper:1-4"))
+    fields = list(get_fields("paper:1-4"))
     table = Table(title=f"multi-start on paper:1-4, {seeds} seeds each")
     for column in (
         "variant",

@@ -36,8 +36,8 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
-from planners.interface import Plan, depart
+from ferguson_gym.world.field_names import get_fields
+from planners.interface import Plan, initial_state
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -130,7 +130,7 @@ def fly(field: Field, index: int, count: int) -> dict[str, Flown]:
     for name, variant in variants().items():
         if index < variant.share * count:
             began = time.process_time()
-            plan = variant.planner.plan(field, depart(field), 0)
+            plan = variant.planner.plan(field, initial_state(field), 0)
             flights[name] = told(plan, field, time.process_time() - began)
     return flights
 
@@ -258,7 +258,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="FILE", help="the picture")
     given = parser.parse_args()
     try:
-        fields = list(select(given.fields))
+        fields = list(get_fields(given.fields))
         if given.out is not None:
             check_target(given.out)
     except ValueError as error:

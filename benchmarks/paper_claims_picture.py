@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from agents.flights.metrics import Interval
 from ferguson_gym.rendering.drawing import style
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 if TYPE_CHECKING:
     from paper_claims import Row
@@ -50,7 +50,7 @@ def draw(table: Sequence[Row], out: Path) -> None:
         names = ("success [%]", "longer than the reference [%]", "time a window, ratio", "SPL")
         for axes, name in zip(grid[-1], names, strict=True):
             axes.set_xlabel(name)
-        with written_whole(out) as temporary:
+        with atomic_write(out) as temporary:
             figure.savefig(temporary)
 
 

@@ -40,7 +40,9 @@ def _limits(longest: float) -> Limits:
 
 def _many(starts: int = 10, alpha: float = 0.2, longest: float = 15.0) -> Variant:
     # an action reaches no farther than the paper's longest segment
-    follow = transition.follow if longest <= PAPER_LIMITS.longest else transition.follow_exactly
+    follow = (
+        transition.fly_segment if longest <= PAPER_LIMITS.longest else transition.follow_exactly
+    )
     return Variant(
         RecedingHorizon(
             random_starts=starts,

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from agents.benchmarks.solvers import take_windows
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.receding_horizon.paper import RecedingHorizon
 
@@ -87,7 +87,7 @@ def take_programmes(windows: int) -> list[Programme]:
             posed.append((hessian, gradient, slopes, upper, lower))
         return daqp.solve(*programme, **options)
 
-    tasks = take_windows(RecedingHorizon(), select("standard/train:100-199"), windows)
+    tasks = take_windows(RecedingHorizon(), get_fields("standard/train:100-199"), windows)
     with patch("planners.optimization.sqp.elastic_qp.daqp") as listener:
         listener.solve.side_effect = listen
         for task in tasks:

@@ -18,7 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 KEPT = Path(__file__).parent.parent / "docs" / "results"
 """A JSON file for each evaluation."""
@@ -167,7 +167,7 @@ def main() -> None:
         parser.error(str(error))
     KEPT.mkdir(exist_ok=True)
     for name, one in found.items():
-        with written_whole(KEPT / f"{name}.json") as temporary:
+        with atomic_write(KEPT / f"{name}.json") as temporary:
             temporary.write_text(json.dumps(one, indent=1, allow_nan=False) + "\n", "utf-8")
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.splines import evaluate
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.optimization.initial_guesses import shifted
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.window import WindowSettings, horizon_window
@@ -25,9 +25,9 @@ from planners.receding_horizon.paper import RecedingHorizon
 def main(seeds: int) -> None:
     """Print how deep sampled solutions cut, and how much chords fall short."""
     depths, shortages = [], []
-    for field in select("paper:1-4"):
+    for field in get_fields("paper:1-4"):
         for seed in range(seeds):
-            plan = RecedingHorizon(random_starts=3).plan(field, depart(field), seed)
+            plan = RecedingHorizon(random_starts=3).plan(field, initial_state(field), seed)
             for state in plan.states:
                 if not 1 <= len(state.tail) <= 2 or (state.tail[-1, 1] == field.goal).all():
                     continue

@@ -13,10 +13,10 @@ from typing import TypeVar
 
 import numpy as np
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.shortest_paths.homotopy_classes import classes
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 
 T = TypeVar("T")
 POINTS = np.random.default_rng(0).uniform(0.0, 100.0, (1000, 2))
@@ -34,13 +34,13 @@ def main(number: int) -> None:
     print(f"{number} fields a suite; median / 95 % / most [ms], queries in microseconds a point")
     for suite in ("standard", "sparse", "dense", "forest", "traps"):
         times = np.empty((number, 3))
-        fields = list(select(f"{suite}/validation:0-{number - 1}"))
-        for action in (shortest_path, lambda field: classes(DistanceToGo(field), field.start, 5)):
+        fields = list(get_fields(f"{suite}/validation:0-{number - 1}"))
+        for action in (shortest_path, lambda field: classes(DistanceToGoal(field), field.start, 5)):
             action(fields[0])  # compile
-        DistanceToGo(fields[0])(POINTS)
+        DistanceToGoal(fields[0])(POINTS)
         for k, field in enumerate(fields):
             _, times[k, 0] = timed(lambda field=field: shortest_path(field))
-            togo = DistanceToGo(field)
+            togo = DistanceToGoal(field)
             _, times[k, 1] = timed(lambda togo=togo, field=field: classes(togo, field.start, 5))
             (distance, _), milliseconds = timed(lambda togo=togo: togo(POINTS))
             # points that are not free cost nothing

@@ -22,7 +22,7 @@ from rich.table import Table
 
 from agents.benchmarks.solvers import Task, take_windows
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from planners.optimization.certification import Certified
 from planners.optimization.sqp import elastic_sqp
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
@@ -138,7 +138,7 @@ def best(ends: list[Certified], task: Task) -> float:
 
 def main(number: int) -> None:
     """Measure every variant and print a row for each."""
-    tasks = take_windows(RecedingHorizon(), select("standard/train:100-199"), number)
+    tasks = take_windows(RecedingHorizon(), get_fields("standard/train:100-199"), number)
     for variant in VARIANTS.values():
         solve(variant, tasks[0])
     seconds: dict[str, list[float]] = {name: [] for name in VARIANTS}

@@ -17,10 +17,10 @@ from rich.table import Table
 
 from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius
-from planners.interface import Plan, depart
+from planners.interface import Plan, initial_state
 from planners.receding_horizon.guided import Guided
 
 RADII = (None, 2.5, 3.0, 5.0)
@@ -41,7 +41,7 @@ def blocked(field: Field, radius: float) -> bool:
 
 def main(spec: str) -> None:
     """Fly every field with every radius and print a row for each."""
-    fields = list(select(spec))
+    fields = list(get_fields(spec))
     exact = [exact_length(field) for field in fields]
     table = Table(title=f"guided on {spec}")
     for column in (
@@ -58,9 +58,9 @@ def main(spec: str) -> None:
     free: list[Plan] = []
     for radius in RADII:
         planner = Guided(min_turn_radius=radius)
-        planner.plan(fields[0], depart(fields[0]), 0)
+        planner.plan(fields[0], initial_state(fields[0]), 0)
         began = time.process_time()
-        plans = [planner.plan(field, depart(field), 0) for field in fields]
+        plans = [planner.plan(field, initial_state(field), 0) for field in fields]
         spent = time.process_time() - began
         free = free or plans
         gaps = [

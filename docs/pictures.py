@@ -26,14 +26,14 @@ from ferguson_gym.rendering.drawing import (
     draw_path,
     style,
 )
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.suites import SUITES
 from ferguson_gym.world.transition import State
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.registry import make
 
 _FLOWN = 5
@@ -42,8 +42,8 @@ _FLOWN = 5
 
 def observation() -> Figure:
     """A flight on its way through a field, and what the vehicle sees there."""
-    field, settings = one("standard/train:3"), Settings(observation="both")
-    plan = make("guided").plan(field, depart(field), 0)
+    field, settings = get_field("standard/train:3"), Settings(observation="both")
+    plan = make("guided").plan(field, initial_state(field), 0)
     vehicle = plan.states[_FLOWN].vehicle
     figure = Figure(figsize=(9.0, 4.7), layout="constrained")
     left, right = figure.subplots(1, 2)
@@ -79,7 +79,7 @@ def suites() -> Figure:
     """A field of each suite with its shortest path."""
     figure = Figure(figsize=(15.0, 3.4), layout="constrained")
     for axes, suite in zip(figure.subplots(1, len(SUITES)), SUITES, strict=True):
-        field = one(f"{suite}/train:0")
+        field = get_field(f"{suite}/train:0")
         draw_field(axes, field)
         if (path := shortest_path(field)) is not None:
             axes.plot(*path.points(0.5).T, color=HORIZON, lw=1.4, ls=":")
@@ -99,7 +99,7 @@ def main() -> None:
     with mpl.rc_context(style()):
         figure = PICTURES[options.picture]()
         FigureCanvasAgg(figure)
-        with written_whole(options.out) as temporary:
+        with atomic_write(options.out) as temporary:
             figure.savefig(temporary, format="png", dpi=110)
 
 

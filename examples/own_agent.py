@@ -39,7 +39,7 @@ from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.world import transition as flight
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 
 SEEN = {"suite": "sparse", "observation": "rays", "rays": 64, "view": 30.0}
 NETWORK = {"net_arch": [64, 64], "log_std_init": -1.5}  # small actions: most large ones are refused
@@ -111,7 +111,7 @@ def tell(name: str, policy: Policy, fields: list[Field]) -> float:
 
 def main(steps: int, seed: int, fields: str, out: Path) -> None:
     """Fly a policy that is a class, a network before its training, and after it."""
-    chosen = list(select(fields))
+    chosen = list(get_fields(fields))
     print(f"{fields}: arrived, SPL")
     tell("homing", Homing(), chosen)
     for name, number in (("untrained", 0), ("own-agent", steps)):

@@ -25,7 +25,7 @@ from agents.policies.registry import make_policy
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.optimization.initial_guesses import through
@@ -93,7 +93,7 @@ def row(flights: list[Flight]) -> str:
 def main(fields: str, beside: list[str]) -> None:
     """Compare and print the table."""
     policies = {"shooting": expert(Shooting()), **{name: make_policy(name) for name in beside}}
-    flights = compare(policies, list(select(fields)))
+    flights = compare(policies, list(get_fields(fields)))
     print(f"{fields:20}arrived   gap, median     worst     a flight")
     for name in policies:
         print(row([flight for flight in flights if flight.policy == name]))

@@ -32,9 +32,9 @@ from ferguson_gym.rendering.drawing import (
 )
 from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
 from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.paper_fields import TABLE_I
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.registry import multi_start
 
@@ -87,9 +87,9 @@ figure.savefig(told.out / "walk-1.png", dpi=100)
 # within 45 m. Here is the fifth window of a flight through rng(2), of which the paper tells.
 
 # %%
-field, seed = one("paper:2"), 1
+field, seed = get_field("paper:2"), 1
 planner = multi_start()
-flight = planner.plan(field, depart(field), seed)
+flight = planner.plan(field, initial_state(field), seed)
 state = flight.states[4]
 window = planner.window(field, state.vehicle)
 near, every = len(window.obstacles), len(field.obstacles)
@@ -162,8 +162,8 @@ figure, panels = plt.subplots(
     2, 2, figsize=(9, 9.2), layout="constrained", sharex=True, sharey=True
 )
 print("          paper, segments   ours, median     least      most  segments   shortest path")
-for axes, field in zip(panels.flat, select("paper:1-4"), strict=True):
-    plans = [planner.plan(field, depart(field), number) for number in range(told.seeds)]
+for axes, field in zip(panels.flat, get_fields("paper:1-4"), strict=True):
+    plans = [planner.plan(field, initial_state(field), number) for number in range(told.seeds)]
     paths = [plan.path for plan in plans if plan.path is not None]
     lengths, segments = [path.length for path in paths], [len(path) for path in paths]
     paper, middle = TABLE_I["multi-start", field.name], np.median(lengths)

@@ -8,9 +8,9 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.runtime.arrays import Array, shortened
+from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.batch_simulator import NOT_STARTED, Fleet
+from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.simulation.step_kernel import INFOS
@@ -157,12 +157,13 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.settings = settings_of(arguments)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(
-                f"unknown render mode {shortened(render_mode)}; modes are {', '.join(RENDER_MODES)}"
+                f"unknown render mode {truncate_repr(render_mode)}; "
+                f"modes are {', '.join(RENDER_MODES)}"
             )
         self.render_mode = render_mode
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
-        self._fleet = Fleet(self.settings, 1, step_kernel.DISABLED)
+        self._fleet = BatchSimulator(self.settings, 1, step_kernel.DISABLED)
         self._sizes = self.settings.layout.entries()
         self._field: Field | None = None
         self._viewer: Any = None

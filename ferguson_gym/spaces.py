@@ -9,7 +9,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import ArrayLike
 
-from ferguson_gym.runtime.arrays import real, shortened
+from ferguson_gym.runtime.arrays import real, truncate_repr
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import Action
@@ -55,7 +55,7 @@ def as_seed(seed: object) -> int | None:
     if seed is None:
         return None
     if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
-        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {shortened(seed)}")
+        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {truncate_repr(seed)}")
     return int(seed)
 
 
@@ -69,7 +69,9 @@ def known_options(options: object, *names: str) -> Mapping[str, Any]:
     if options is None:
         return {}
     if not isinstance(options, Mapping):
-        raise ValueError(f"reset options are a dictionary with {known}, got {shortened(options)}")
+        raise ValueError(
+            f"reset options are a dictionary with {known}, got {truncate_repr(options)}"
+        )
     if unknown := set(options) - set(names):
         raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")
     return options

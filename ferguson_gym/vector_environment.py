@@ -12,9 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from ferguson_gym.runtime.arrays import Array, shortened
+from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.batch_simulator import NOT_STARTED, Fleet
+from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import Observation, Single, entries_of
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.simulation.step_kernel import INFOS, Flags, Records
@@ -81,14 +81,14 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     ) -> None:
         self.settings = settings_of(arguments)
         if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number >= 1, got {shortened(num_envs)}")
+            raise ValueError(f"num_envs must be a whole number >= 1, got {truncate_repr(num_envs)}")
         if num_envs > MOST:
             raise ValueError(
-                f"at most {MOST} environments are made at once, got {shortened(num_envs)}"
+                f"at most {MOST} environments are made at once, got {truncate_repr(num_envs)}"
             )
         if render_mode not in (None, "rgb_array"):
             raise ValueError(
-                f"unknown render mode {shortened(render_mode)}; "
+                f"unknown render mode {truncate_repr(render_mode)}; "
                 "many environments know rgb_array only"
             )
         try:
@@ -96,7 +96,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         except (ValueError, TypeError):
             modes = ", ".join(mode.value for mode in AutoresetMode)
             raise ValueError(
-                f"unknown autoreset mode {shortened(autoreset_mode)}; modes are {modes}"
+                f"unknown autoreset mode {truncate_repr(autoreset_mode)}; modes are {modes}"
             ) from None
         self.num_envs, self.render_mode = num_envs, render_mode
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
@@ -104,7 +104,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.single_observation_space = observation_space(self.settings)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._fleet = Fleet(self.settings, num_envs, _MODES[self.autoreset_mode])
+        self._fleet = BatchSimulator(self.settings, num_envs, _MODES[self.autoreset_mode])
         self._sizes = self.settings.layout.entries()
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []

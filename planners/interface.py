@@ -58,9 +58,9 @@ class State:
     taken up on its way."""
 
 
-def depart(field: Field) -> State:
+def initial_state(field: Field) -> State:
     """The state at the start of a field, with nothing planned."""
-    return State(transition.depart(field))
+    return State(transition.initial_state(field))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ferguson_gym.runtime.optional_dependencies import require
-from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.runtime.suggestions import did_you_mean
 from planners.interface import Iterations, Planner, Replanner
 from planners.optimization.initial_guesses import Proposer
 from planners.optimization.sqp.multi_start import MultiStart
@@ -14,7 +14,7 @@ from planners.receding_horizon.guided import Guided
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.receding_horizon.pursuit import Pursuit
 from planners.whole_path.astar import AStar
-from planners.whole_path.exact import Exact
+from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.ompl import Ompl
 from planners.whole_path.planner import WholePath
 from planners.whole_path.swarm import bees, particles
@@ -36,7 +36,7 @@ def multi_start() -> RecedingHorizon:
 
 def shortest() -> WholePath:
     """The exact shortest path, fitted."""
-    return WholePath(router=Exact())
+    return WholePath(router=ShortestPathRouter())
 
 
 def voronoi() -> WholePath:
@@ -131,16 +131,16 @@ def make(name: str) -> Planner:
             not fit the planner or has a value that it refuses.
 
     Example:
-        >>> from ferguson_gym.world.field_names import one
-        >>> from planners.interface import depart
-        >>> field = one("sparse/train:0")
-        >>> plan = make("shortest").plan(field, depart(field), seed=0)
+        >>> from ferguson_gym.world.field_names import get_field
+        >>> from planners.interface import initial_state
+        >>> field = get_field("sparse/train:0")
+        >>> plan = make("shortest").plan(field, initial_state(field), seed=0)
         >>> plan.status.sentence
         'found a feasible path to the goal'
     """
     plain, *options = name.split("+")
     if plain not in PLANNERS:
-        near = meant(plain, PLANNERS)
+        near = did_you_mean(plain, PLANNERS)
         raise ValueError(f"unknown planner {plain!r}{near}; planners are {', '.join(PLANNERS)}")
     planner = PLANNERS[plain]()
     labels = [option.partition("=")[0] for option in options]
@@ -152,7 +152,7 @@ def make(name: str) -> Planner:
             "leave one out"
         )
     if unknown := [option for option in options if not _is_known(option)]:
-        near = meant(unknown[0].partition("=")[0], _ORDER)
+        near = did_you_mean(unknown[0].partition("=")[0], _ORDER)
         raise ValueError(
             f"unknown option {unknown[0]!r} of planner {plain!r}{near}; need {OPTIONS}"
         )

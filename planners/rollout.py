@@ -9,7 +9,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.outcome import Outcome
-from ferguson_gym.world.transition import Follow, follow
+from ferguson_gym.world.transition import Follow, fly_segment
 from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import Plan, Replanner, State, Status
 from planners.optimization.initial_guesses import shifted
@@ -22,7 +22,7 @@ def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
     return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
 
 
-def rest(field: Field, state: State, limits: Limits, follow: Follow = follow) -> Array | None:
+def rest(field: Field, state: State, limits: Limits, follow: Follow = fly_segment) -> Array | None:
     """What is left of a plan (n, 4, 2), if anything is and it is feasible from the state flown."""
     if len(state.tail) == 0:
         return None
@@ -48,7 +48,7 @@ def over(field: Field, state: State, limits: Limits) -> Plan | None:
 
 
 def roll_out(
-    planner: Replanner, field: Field, state: State, seed: int, follow: Follow = follow
+    planner: Replanner, field: Field, state: State, seed: int, follow: Follow = fly_segment
 ) -> Plan:
     """Decide, fly, decide again until the flight ends.
 

@@ -22,9 +22,9 @@ from agents.runtime import terminal_tables
 from agents.runtime.terminal import Terminal
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.ipopt import Ipopt
@@ -81,7 +81,7 @@ def take_windows(planner: RecedingHorizon, fields: Iterable[Field], number: int)
     """
     tasks: list[Task] = []
     for field in fields:
-        plan = planner.plan(field, depart(field), 0)
+        plan = planner.plan(field, initial_state(field), 0)
         for state, decision in zip(plan.states, plan.decisions, strict=False):
             if decision.report.starts == 0:
                 continue
@@ -172,7 +172,7 @@ def against(name: str, results: Sequence[Solved], gate: float) -> str:
 
 def write(results: Sequence[Solved], path: Path) -> None:
     """A row for each step."""
-    with written_whole(path) as temporary, temporary.open("w", newline="") as file:
+    with atomic_write(path) as temporary, temporary.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow(["solver", "window", "starts", "feasible", "objective", "seconds"])
         for r in results:
@@ -247,5 +247,5 @@ def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
         )
         right.axvline(NO_WORSE, color=drawing.OBSTACLE_EDGE, lw=0.8, ls=":")
         right.legend(loc="lower right", frameon=False, fontsize=7)
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             figure.savefig(temporary)

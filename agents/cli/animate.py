@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.cli.arguments import DONE, add_manners, seed
+from agents.cli.arguments import add_output_options, seed
 from agents.cli.completion import FILE, ONE_FIELD, PLANNER, completes
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
-from ferguson_gym.world.field_names import one
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.field_names import get_field
+from ferguson_gym.world.transition import initial_state
 from planners.registry import PLANNERS
 
 HELP = "show a flight as it is decided, a GIF"
@@ -46,7 +46,7 @@ def add_to(animate: argparse.ArgumentParser) -> None:
     animate.add_argument(
         "--seed", type=seed, default=0, metavar="N", help="of the policy; default: 0"
     )
-    add_manners(animate)
+    add_output_options(animate)
     animate.set_defaults(prepare=prepare)
 
 
@@ -56,7 +56,7 @@ def prepare(options: argparse.Namespace) -> Job:
     Raises:
         ValueError: a policy, a field or a file that cannot be.
     """
-    from agents.cli.compile_notice import told
+    from agents.cli.compile_notice import announce_compilation
     from agents.flights.flight import fly_by_name
     from agents.plots.animation.animation import animate
     from agents.plots.animation.gif import SUFFIX
@@ -69,13 +69,13 @@ def prepare(options: argparse.Namespace) -> Job:
             f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
             f"plans nothing; planners are {', '.join(PLANNERS)}"
         )
-    field = one(options.field)
-    depart(field)
+    field = get_field(options.field)
+    initial_state(field)
     check_target(options.out, "animation", [SUFFIX])
     terminal = Terminal(quiet=options.quiet, colour=options.colour)
 
     def job() -> int:
-        with told(terminal):
+        with announce_compilation(terminal):
             flight = fly_by_name(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
             frames = animate(flight, options.out, progress)

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from ferguson_gym.runtime.atomic_files import unwritable
-from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field_names import family
 from ferguson_gym.world.suites import LAST_SEED
 
-DONE, BAD_INPUT = 0, 2
+BAD_INPUT = 2
 _LONG = 400
 """Characters of a message that are shown at its beginning, and at its end."""
 GOES_ON = "ferguson: the same command goes on where this one stopped"
@@ -62,7 +62,7 @@ class Parser(argparse.ArgumentParser):
         namespace, rest = super().parse_known_args(given, namespace)
         if rest and commands is None:
             options = [name for action in self._actions for name in action.option_strings]
-            near = meant(rest[0].partition("=")[0], options)
+            near = did_you_mean(rest[0].partition("=")[0], options)
             self.error(f"unrecognized arguments: {' '.join(rest)}{near}")
         return namespace, rest
 
@@ -73,7 +73,7 @@ class Parser(argparse.ArgumentParser):
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
             known = ", ".join(map(str, action.choices))
-            near = meant(str(value), map(str, action.choices))
+            near = did_you_mean(str(value), map(str, action.choices))
             raise argparse.ArgumentError(
                 action, f"invalid choice: {value!r}{near}; choose from {known}"
             )
@@ -85,7 +85,7 @@ def shortened(message: str) -> str:
     return line if len(line) <= 2 * _LONG else f"{line[:_LONG]} ... {line[-_LONG:]}"
 
 
-def add_manners(command: argparse.ArgumentParser) -> None:
+def add_output_options(command: argparse.ArgumentParser) -> None:
     """Give a command the options on how it speaks."""
     command.add_argument(
         "-q",

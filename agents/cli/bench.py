@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 
 from agents.cli.arguments import (
-    DONE,
-    add_manners,
+    add_output_options,
     check_directory,
     check_number,
     directory,
@@ -18,12 +17,12 @@ from agents.cli.arguments import (
     workers,
 )
 from agents.cli.completion import DIRECTORY, FIELDS, PLANNER, completes
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.simulation.observations import KINDS
-from ferguson_gym.world.field_names import select
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.field_names import get_fields
+from ferguson_gym.world.transition import initial_state
 from planners.registry import PLANNERS, make
 
 _FIELDS = "standard/validation:0-99"
@@ -125,7 +124,7 @@ def _add_planners(planners: argparse.ArgumentParser) -> None:
     )
     _add_out(planners, required=True)
     _add_json(planners)
-    add_manners(planners)
+    add_output_options(planners)
     planners.set_defaults(prepare=_prepare_planners)
 
 
@@ -155,7 +154,7 @@ def _add_solvers(solvers: argparse.ArgumentParser) -> None:
         help="IPOPT solves one window in N, it is slow; 0: none; default: %(default)s",
     )
     _add_out(solvers, required=True)
-    add_manners(solvers)
+    add_output_options(solvers)
     solvers.set_defaults(prepare=_prepare_solvers)
 
 
@@ -187,7 +186,7 @@ def _add_env(env: argparse.ArgumentParser) -> None:
     )
     _add_out(env, required=False)
     _add_json(env)
-    add_manners(env)
+    add_output_options(env)
     env.set_defaults(prepare=_prepare_env)
 
 
@@ -210,9 +209,9 @@ def _prepare_planners(options: argparse.Namespace) -> Job:
     check_directory(options.out)
     planners = len(options.planner or PLANNERS)
     check_number(options.fields, _MOST, options.seeds, planners)
-    fields = [field for spec in options.fields for field in select(spec)]
+    fields = [field for spec in options.fields for field in get_fields(spec)]
     for field in fields:
-        depart(field)
+        initial_state(field)
     refuse_twice("field", [field.name for field in fields])
     refuse_twice("planner", options.planner or [])
     missing = {name: hint for name in options.planner or PLANNERS if (hint := _missing(name))}
@@ -256,7 +255,7 @@ def _prepare_solvers(options: argparse.Namespace) -> Job:
         raise ValueError(
             f"IPOPT comes with CasADi: {installing('bench')}, or leave it out with --ipopt-every 0"
         )
-    fields = (field for spec in options.fields or [_FIELDS] for field in select(spec))
+    fields = (field for spec in options.fields or [_FIELDS] for field in get_fields(spec))
     tasks = solver_bench.take_windows(multi_start(), fields, options.windows)
 
     terminal = Terminal(quiet=options.quiet, colour=options.colour)

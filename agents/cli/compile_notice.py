@@ -26,7 +26,7 @@ class _First(event.Listener):
 
 
 @contextmanager
-def told(terminal: Terminal) -> Iterator[None]:
+def announce_compilation(terminal: Terminal) -> Iterator[None]:
     """Note it once, if the block sets about to compile in this process and shows no bar."""
     with event.install_listener("numba:compile", _First(terminal)):
         yield

@@ -6,9 +6,9 @@ import argparse
 import json
 import sys
 
-from agents.cli.arguments import DONE, GOES_ON, add_manners, check_number, positive, workers
+from agents.cli.arguments import GOES_ON, add_output_options, check_number, positive, workers
 from agents.cli.completion import FIELDS, PLANNER, completes
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.simulation.observations import KINDS
@@ -77,7 +77,7 @@ def add_to(demos: argparse.ArgumentParser) -> None:
     demos.add_argument(
         "--json", action="store_true", help="print one JSON object on what came out, nothing else"
     )
-    add_manners(demos)
+    add_output_options(demos)
     demos.set_defaults(prepare=prepare)
 
 

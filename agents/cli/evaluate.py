@@ -6,9 +6,8 @@ import argparse
 import shlex
 
 from agents.cli.arguments import (
-    DONE,
     GOES_ON,
-    add_manners,
+    add_output_options,
     check_directory,
     check_number,
     directory,
@@ -19,12 +18,12 @@ from agents.cli.arguments import (
 )
 from agents.cli.completion import DIRECTORY, FIELDS, POLICY, completes
 from agents.models.shipped_agents import shipped
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.world import field_names
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.transition import initial_state
 from planners.registry import PLANNERS
 
 MOST = 10_000_000
@@ -113,7 +112,7 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "--json", action="store_true", help="print summary.json's object, nothing else"
     )
-    add_manners(evaluate)
+    add_output_options(evaluate)
     evaluate.set_defaults(prepare=prepare)
 
 
@@ -169,15 +168,15 @@ def sources(spec: str) -> list[str | Field]:
     """What a specification names: drawn fields by name, to be drawn by who flies; others as read.
 
     Raises:
-        ValueError: as `catalog.select`, or a field in which no flight can begin.
+        ValueError: as `get_fields`, or a field in which no flight can begin.
     """
-    fields = field_names.select(spec)
+    fields = field_names.get_fields(spec)
     try:
         name, numbers = field_names.family(spec)
     except ValueError:  # files
         read: list[str | Field] = []
         for field in fields:
-            depart(field)
+            initial_state(field)
             read.append(field)
         return read
     return [f"{name}:{number}" for number in numbers]

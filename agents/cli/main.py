@@ -13,7 +13,7 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from agents.runtime.interrupts import put_off
+from agents.runtime.interrupts import defer_interrupt
 
 BAD_INPUT, INTERRUPTED = 2, 130
 _EPILOG = """\
@@ -38,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    with put_off():  # an interruption amid imports comes out as anything
+    with defer_interrupt():  # an interruption amid imports comes out as anything
         parser = _parser()
     if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold what it cannot write
         sys.stdout.reconfigure(errors="backslashreplace")

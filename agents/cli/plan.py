@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.cli.arguments import DONE, add_manners, metres, seed
+from agents.cli.arguments import add_output_options, metres, seed
 from agents.cli.completion import FILE, ONE_FIELD, PLANNER, POLICY, completes
-from agents.runtime.interrupts import put_off
-from agents.runtime.jobs import Job
+from agents.runtime.interrupts import defer_interrupt
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
-from ferguson_gym.world.field_names import one
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.field_names import get_field
+from ferguson_gym.world.transition import initial_state
 from planners.registry import OPTIONS, PLANNERS, named
 
 NO_PATH = 1
@@ -77,7 +77,7 @@ def add_to(plan: argparse.ArgumentParser) -> None:
         ),
         FILE,
     )
-    add_manners(plan)
+    add_output_options(plan)
     plan.set_defaults(prepare=prepare)
 
 
@@ -88,7 +88,7 @@ def prepare(options: argparse.Namespace) -> Job:
         ValueError: a planner, a field or a picture that cannot be.
     """
     from agents.cli import plan_report
-    from agents.cli.compile_notice import told
+    from agents.cli.compile_notice import announce_compilation
     from agents.models import shipped_agents
     from agents.plots.flight_grid import check_target
     from agents.policies.registry import is_planner, make_planner, plain_agent
@@ -110,16 +110,16 @@ def prepare(options: argparse.Namespace) -> Job:
         options.start_from,
     )
     make_planner(name)  # refuses unknown names, and options that do not fit
-    field = one(options.field)
-    depart(field)  # refuses what cannot be flown
+    field = get_field(options.field)
+    initial_state(field)  # refuses what cannot be flown
     if options.plot is not None:
         check_target(options.plot)
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
-        with told(terminal):
+        with announce_compilation(terminal):
             planner = warm(name)
-        with put_off():
+        with defer_interrupt():
             report = plan_report.plan(planner, name, field, options.seed)
         if options.json:
             terminal.show_json(report.to_json())

@@ -18,7 +18,7 @@ from ferguson_gym.shortest_paths.exact import gap
 from ferguson_gym.world.feasibility import inspect
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from planners.interface import Plan, Planner, Route, depart
+from planners.interface import Plan, Planner, Route, initial_state
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -130,6 +130,6 @@ def _finite(value: float) -> float | None:
 def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:
     """Plan a field from its start."""
     began = time.perf_counter()
-    result = planner.plan(field, depart(field), seed)
+    result = planner.plan(field, initial_state(field), seed)
     seconds = time.perf_counter() - began
     return Report(name=name, field=field, seed=seed, plan=result, wall_seconds=seconds)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 
 from agents.cli.arguments import (
-    DONE,
     GOES_ON,
-    add_manners,
+    add_output_options,
     check_directory,
     check_number,
     directory,
@@ -18,13 +17,13 @@ from agents.cli.arguments import (
 )
 from agents.cli.completion import DIRECTORY, FIELDS, FILE, MODEL, completes
 from agents.models import shipped_agents
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from agents.training import run as training
 from agents.training.hyperparameters import read
 from agents.training.run import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.runtime.suggestions import did_you_mean
 
 MOST = 100_000
 """Fields on which a model is judged."""
@@ -126,7 +125,7 @@ def add_to(train: argparse.ArgumentParser) -> None:
     train.add_argument(
         "--fresh", action="store_true", help="start over: remove the training that lies in DIR"
     )
-    add_manners(train)
+    add_output_options(train)
     train.set_defaults(prepare=prepare)
 
 
@@ -148,7 +147,7 @@ def prepare(options: argparse.Namespace) -> Job:
     if options.start is not None:
         start = shipped_agents.find(options.start)
         if start is None:
-            near = meant(options.start, shipped_agents.shipped())
+            near = did_you_mean(options.start, shipped_agents.shipped())
             raise ValueError(
                 f"--from {options.start}: no such model{near}; name a shipped one or a path"
             )
@@ -172,7 +171,7 @@ def prepare(options: argparse.Namespace) -> Job:
         fresh=options.fresh,
         terminal=Terminal(quiet=options.quiet, colour=options.colour),
     )
-    if training.left_off(run) and training.finished(run):
+    if training.can_resume(run) and training.finished(run):
         return _nothing_to_do(run)
     train = algorithm.trainer().prepare(run)
 

@@ -22,12 +22,12 @@ import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
-from agents.runtime.interrupts import put_off
+from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.kernels import compile_kernels
 from agents.runtime.provenance import commit, facts
 from agents.runtime.safe_npz import read_arrays
-from agents.runtime.worker_processes import GOES_ON, spread
-from ferguson_gym.runtime.atomic_files import written_whole
+from agents.runtime.worker_processes import GOES_ON, map_in_processes
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import family
@@ -149,7 +149,7 @@ def begin(place: Path, request: Request) -> list[int]:
     check(place, request)
     place.mkdir(parents=True, exist_ok=True)
     if not (place / _REQUEST).exists():
-        with written_whole(place / _REQUEST) as temporary:
+        with atomic_write(place / _REQUEST) as temporary:
             temporary.write_text(json.dumps(request.as_json(), indent=1), encoding="utf-8")
     return [k for k in range(request.chunks) if not _file(place, request, k).exists()]
 
@@ -172,10 +172,10 @@ def fly(place: Path, request: Request, missing: Iterable[int], workers: int) -> 
     )
     if workers > 1:
         calls = (delayed(_fly_chunk)(*task) for task in tasks)
-        yield from spread(calls, workers, in_order=False, afterwards=GOES_ON)
+        yield from map_in_processes(calls, workers, in_order=False, afterwards=GOES_ON)
         return
     for task in tasks:
-        with put_off() as look:
+        with defer_interrupt() as look:
             done = _fly_chunk(*task, look)
         yield done
 
@@ -218,7 +218,7 @@ def _fly_chunk(
             error.add_note(f"while {expert} flew the field {name}")
             raise
         look()
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         np.savez(temporary, allow_pickle=False, **pack(episodes))
     return len(fields)
 

@@ -129,12 +129,12 @@ def _one_by_one(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trac
 def _batch(task: Task) -> list[tuple[Record, Trace]]:
     from agents.flights.batched import TOGETHER, fly_batch
     from agents.models.shipped_agents import find
-    from agents.policies.network_policy import pilot
+    from agents.policies.network_policy import network_policy
 
     place = find(plain_agent(task.policy))
     if place is None:
         raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
-    ready = pilot(place)
+    ready = network_policy(place)
     fields = [field_of(source) for source, _ in task.flights]
     fly_batch(ready.model, [small_field()])  # what is compiled at first is not timed
     began = time.perf_counter()

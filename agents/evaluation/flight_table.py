@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS
-from ferguson_gym.runtime.arrays import LARGEST, Array, shortened
+from ferguson_gym.runtime.arrays import LARGEST, Array, truncate_repr
 from ferguson_gym.world.outcome import Outcome
 
 TIMES = TIMING_COLUMNS[3:]
@@ -179,7 +179,7 @@ def _told(outcome: str, *cells: str) -> tuple[float, ...]:
     numbers = tuple(map(_number, cells))
     success, length, exact, _ = numbers
     if outcome not in _OUTCOMES:
-        raise ValueError(f"unknown outcome {shortened(outcome)}")
+        raise ValueError(f"unknown outcome {truncate_repr(outcome)}")
     if success not in (0.0, 1.0) or (success == 1.0) != _OUTCOMES[outcome]:
         raise ValueError(f"success {cells[0]!r} of a flight that ends {outcome}")
     if not length >= 0.0 or exact <= 0.0:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from agents.flights.flight import Flight
 from agents.flights.metrics import path_share
-from agents.policies.shield_decisions import Hand
+from agents.policies.shield_decisions import ShieldDecision
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import gap
 from ferguson_gym.world.field import Field
@@ -26,7 +26,7 @@ from planners.interface import Decision, WindowReport
 
 Pack = dict[str, NDArray[Any]]
 """Records and traces of flights as arrays."""
-_HANDS = tuple(Hand)
+_HANDS = tuple(ShieldDecision)
 _NONE = np.empty((0, 4, 2))
 
 
@@ -58,7 +58,7 @@ class Record:
     """Time to choose each action, asked alone; empty where nothing was measured."""
     evaluations: int
     """Evaluations of the objective by a planner."""
-    hands: Sequence[Hand]
+    hands: Sequence[ShieldDecision]
     """In whose hands each step was; empty for policies without a shield."""
 
     @property

@@ -17,7 +17,7 @@ from typing import Any
 from agents.evaluation import provenance
 from agents.policies.registry import SHIELDED, imagines, is_planner
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 
 PLANNED, BATCHED = 10, 256
 """Flights in a chunk, of planners and of agents that fly in batches; those of unfinished chunks
@@ -33,7 +33,7 @@ def name_of(source: Source) -> str:
 
 def field_of(source: Source) -> Field:
     """The field itself, drawn if need be."""
-    return one(source) if isinstance(source, str) else source
+    return get_field(source) if isinstance(source, str) else source
 
 
 def is_batched(policy: str) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import zipfile
 from collections.abc import Iterable, Iterator, Sequence
@@ -14,8 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.evaluation.records import Record
+from agents.runtime.csv_files import csv_table
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 FLIGHT_COLUMNS = (
     "policy",
@@ -76,8 +76,8 @@ def timing_row(flight: Record) -> list[object]:
 def write_flights(directory: Path, flights: Iterable[Record]) -> Iterator[Record]:
     """Write flights.csv and timings.csv into a directory that exists, and pass the flights on."""
     with (
-        _table(directory / "flights.csv", FLIGHT_COLUMNS) as rows,
-        _table(directory / "timings.csv", TIMING_COLUMNS) as times,
+        csv_table(directory / "flights.csv", FLIGHT_COLUMNS) as rows,
+        csv_table(directory / "timings.csv", TIMING_COLUMNS) as times,
     ):
         for flight in flights:
             rows.writerow(flight_row(flight))
@@ -95,7 +95,7 @@ def write_paths(path: Path, flights: Sequence[Record], controls: Iterable[Array]
     """
     offsets = np.cumsum([0, *(flight.segments for flight in flights)])
     with (
-        written_whole(path) as temporary,
+        atomic_write(path) as temporary,
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
     ):
         with _entry(archive, "control") as file:
@@ -122,20 +122,3 @@ def _entry(archive: zipfile.ZipFile, name: str) -> Iterator[IO[bytes]]:
     entry.compress_type = zipfile.ZIP_DEFLATED
     with archive.open(entry, "w", force_zip64=True) as file:
         yield file
-
-
-def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table whole or not at all."""
-    with _table(path, columns) as writer:
-        writer.writerows(rows)
-
-
-@contextmanager
-def _table(path: Path, columns: Sequence[str]) -> Iterator[Any]:
-    with (
-        written_whole(path) as temporary,
-        temporary.open("w", newline="", encoding="utf-8") as file,
-    ):
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        yield writer

@@ -21,10 +21,10 @@ from agents.flights.flight import Flight
 from agents.plots.flight_grid import draw_flights, picture_of
 from agents.plots.policy_comparison import COLOURS, draw_comparison
 from agents.runtime.executors import Backend
-from agents.runtime.interrupts import put_off
+from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", "report.html")
@@ -93,7 +93,7 @@ def run(
     timings = []
     with terminal.still_bar() as progress:
         for policy in progress.track(request.policies, description="times"):
-            with put_off() as look:
+            with defer_interrupt() as look:
                 timings.append(measure(request, policy, look=look))
     made = {"command": command, "backend": backend.name, "workers": backend.workers}
     _summarise(work, flown, timings, made | {"batch": together})
@@ -157,7 +157,7 @@ def _summarise(
     }
     names = {path.name for path in work.staging.iterdir()}
     summary["files"] = sorted({"summary.json", "report.html", *names})
-    with written_whole(work.staging / "summary.json") as temporary:
+    with atomic_write(work.staging / "summary.json") as temporary:
         temporary.write_text(json.dumps(summary, indent=1, allow_nan=False) + "\n", "utf-8")
     drawn = {one.name: one for one in work.request.fields if isinstance(one, Field)}
     write_report(work.staging, drawn, summary["statistics"])

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from agents.evaluation.records import Record
-from agents.policies.shield_decisions import Hand, share_handed_over
+from agents.policies.shield_decisions import ShieldDecision, share_handed_over
 
 
 def shields(flights: Sequence[Record]) -> list[dict[str, Any]]:
@@ -18,7 +18,7 @@ def shields(flights: Sequence[Record]) -> list[dict[str, Any]]:
     for policy in dict.fromkeys(flight.policy for flight in flights if flight.hands):
         flown = [flight.hands for flight in flights if flight.policy == policy]
         hands = [hand for steps in flown for hand in steps]
-        causes = Counter(hand.label for hand in hands if hand is not Hand.AGENT)
+        causes = Counter(hand.label for hand in hands if hand is not ShieldDecision.AGENT)
         told.append(
             {
                 "policy": policy,

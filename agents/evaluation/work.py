@@ -23,7 +23,7 @@ from agents.evaluation.records import Pack, Record, Trace
 from agents.evaluation.request import Chunk, Request, name_of
 from agents.runtime.executors import Backend, WorkerDiedError, flying
 from agents.runtime.safe_npz import read_arrays
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 WORK = ".unfinished"
 """Name of the work directory in a directory of results."""
@@ -59,13 +59,13 @@ class Work:
         """Make or take up the directory; returns the chunks that are missing."""
         self.place.mkdir(parents=True, exist_ok=True)
         if not (self.place / _REQUEST).exists():
-            with written_whole(self.place / _REQUEST) as temporary:
+            with atomic_write(self.place / _REQUEST) as temporary:
                 temporary.write_text(json.dumps(self.request.configuration), encoding="utf-8")
         return [chunk for chunk in self.request.chunks if not self.file(chunk.number).exists()]
 
     def keep(self, chunk: int, flown: Pack) -> None:
         """Keep a finished chunk."""
-        with written_whole(self.file(chunk)) as temporary:
+        with atomic_write(self.file(chunk)) as temporary:
             np.savez(temporary, allow_pickle=False, **flown)
 
     def kept(self, chunk: Chunk) -> Pack:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from agents.flights.metrics import path_share
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
-from agents.policies.shield_decisions import Hand
+from agents.policies.shield_decisions import ShieldDecision
 from agents.policies.warm_up import warm_policy
 from agents.runtime.kernels import compile_kernels
 from ferguson_gym.curves.path import Path
@@ -43,7 +43,7 @@ class Flight:
     """Time to choose each action."""
     decisions: list[Decision]
     """What a planner decided; empty for policies that are none."""
-    hands: Sequence[Hand] = ()
+    hands: Sequence[ShieldDecision] = ()
     """In whose hands each step was; empty for policies without a shield."""
     route: Route | None = None
     """What a planner of whole paths found before segments were fitted to it."""

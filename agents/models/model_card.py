@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ferguson_gym import ENVIRONMENT_ID, __version__
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world.limits import PAPER_LIMITS
 
@@ -63,7 +63,7 @@ def write_card(directory: Path, card: Card) -> None:
         ValueError: a number that is not finite; then nothing is written.
     """
     text = card.to_json()
-    with written_whole(directory / CARD) as temporary:
+    with atomic_write(directory / CARD) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 

@@ -22,7 +22,7 @@ from agents.models.inference.activations import Single
 from agents.models.inference.forward import Forward
 from agents.models.model import MODEL, Model, Network, directory_of
 from agents.models.model_card import CARD, Card, read_card, write_card
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.spaces import action_space, observation_space
@@ -107,7 +107,7 @@ def save(directory: Path, model: BaseAlgorithm, card: Card) -> None:
     them, without torch.
     """
     card.to_json()  # what it refuses, it refuses before anything is written
-    with written_whole(directory / MODEL) as temporary:
+    with atomic_write(directory / MODEL) as temporary:
         model.save(temporary, exclude=_NOT_DATA)
         with zipfile.ZipFile(temporary, "a") as archive:
             weights.write(archive, Learned(model.policy, card).weights)
@@ -122,7 +122,7 @@ def slim(source: Path, directory: Path) -> None:
     """
     learned = load(source)
     directory.mkdir(parents=True, exist_ok=True)
-    with written_whole(directory / MODEL) as temporary, zipfile.ZipFile(temporary, "w") as archive:
+    with atomic_write(directory / MODEL) as temporary, zipfile.ZipFile(temporary, "w") as archive:
         weights.write(archive, learned.weights)
     write_card(directory, learned.card)
 

@@ -18,7 +18,7 @@ from agents.flights.flight import Flight
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import unwritable, written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write, unwritable
 
 SUFFIXES = (".png", ".pdf", ".svg")
 """Formats a picture can be written in."""
@@ -81,7 +81,7 @@ def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None
             handlelength=2.4,
             columnspacing=1.2,
         )
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             figure.savefig(temporary)
 
 

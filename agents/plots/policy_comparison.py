@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 from agents.flights.flight import Flight
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering.drawing import draw_field, style
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.shortest_paths.exact import shortest_path
 
 COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
@@ -62,7 +62,7 @@ def draw_comparison(panels: Sequence[Sequence[Flight]], out: Path) -> None:
             # by hand: a layout that minds the lists below would shrink the panels for long ones
             axes = figure.add_axes((left / width, bottom / height, _SIDE / width, _SIDE / height))
             _draw_panel(axes, flights)
-        with written_whole(out) as temporary:
+        with atomic_write(out) as temporary:
             figure.savefig(temporary)
 
 

@@ -19,11 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.models.model import Model
-from agents.policies.network_policy import Pilot
+from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.simulation.simulated_rollouts import Imagined
+from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
@@ -39,7 +39,7 @@ Leg: TypeAlias = tuple[Action, Array]
 """An action (4,), and where it ends (2,) [m]."""
 
 
-class Imagining:
+class LookaheadPolicy:
     """A model as a policy that flies the shortest of the flights it imagines.
 
     The first is the model's own flight, the others are disturbed. If none arrives, the model's own
@@ -50,7 +50,7 @@ class Imagining:
         ValueError: fewer than 2 flights, or more than `MOST`.
     """
 
-    def __init__(self, pilot: Pilot, tries: int) -> None:
+    def __init__(self, pilot: NetworkPolicy, tries: int) -> None:
         if not 2 <= tries <= MOST:
             raise ValueError(f"an agent imagines 2 to {MOST} flights, got {tries}")
         self._model, self._tries = pilot.model, tries
@@ -102,7 +102,7 @@ def imagine(
     Returns:
         The undisturbed flight, as far as it went, if none arrives.
     """
-    flights = Imagined(field, vehicle, tries, settings)
+    flights = SimulatedRollouts(field, vehicle, tries, settings)
     spreads = np.linspace(0.0, SPREAD, tries)[:, None]
     disturbances = np.zeros((tries, 4))
     flown: list[tuple[NDArray[np.int64], Action, Array]] = []

@@ -15,7 +15,7 @@ from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
 
 
-class Pilot:
+class NetworkPolicy:
     """A model as a policy (`agents.policies.interface.Policy`); it flies what it thinks best.
 
     It sees what it was trained to see, whatever the environment shows, and flies the very
@@ -37,14 +37,14 @@ class Pilot:
         return action
 
 
-def pilot(directory: Path) -> Pilot:
+def network_policy(directory: Path) -> NetworkPolicy:
     """The pilot whose model lies in a directory; loaded once in a process, and ready to fly.
 
     Raises:
         ValueError: as `agents.models.loading.load`.
     """
     files = [directory / name for name in (MODEL, model_card.CARD)]
-    return Pilot(_ready(directory.resolve(), *(_stamp(file) for file in files)))
+    return NetworkPolicy(_ready(directory.resolve(), *(_stamp(file) for file in files)))
 
 
 def _stamp(file: Path) -> tuple[int, int]:
@@ -59,7 +59,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 @lru_cache(maxsize=8)
 def _ready(directory: Path, *_: tuple[int, int]) -> Model:
     model = loading.load(directory)
-    first = Pilot(model)  # what is slow the first time is not timed in a flight
+    first = NetworkPolicy(model)  # what is slow the first time is not timed in a flight
     first.begin(small_field(), 0)
-    first.act({}, transition.depart(small_field()))
+    first.act({}, transition.initial_state(small_field()))
     return model

@@ -17,7 +17,7 @@ _SEEN = Settings()
 """The environment's own, in which policies are flown."""
 
 
-class Proposals:
+class PolicyProposer:
     """A policy as a proposer of starts: the segments that it would fly, feasible or not."""
 
     def __init__(self, policy: Policy, limits: Limits = PAPER_LIMITS) -> None:

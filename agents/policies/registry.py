@@ -5,9 +5,9 @@ from __future__ import annotations
 from agents.models import shipped_agents
 from agents.policies.interface import Policy
 from agents.policies.planner_policies import Tracking, expert
-from agents.policies.policy_proposals import Proposals
+from agents.policies.policy_proposals import PolicyProposer
 from agents.policies.shield import Shield
-from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.runtime.suggestions import did_you_mean
 from planners.interface import Planner
 from planners.registry import PLANNERS, make, starting_from
 
@@ -37,7 +37,7 @@ def make_planner(name: str) -> Planner:
     planner = make(plain)
     if not found:
         return planner
-    return starting_from(planner, Proposals(make_policy(proposer)), plain)
+    return starting_from(planner, PolicyProposer(make_policy(proposer)), plain)
 
 
 def shielded(name: str) -> Shield:
@@ -87,14 +87,14 @@ def _agent(name: str) -> Policy:
     place = shipped_agents.find(plain)
     if place is None:
         agents = shipped_agents.shipped()
-        near = meant(name.partition("+")[0], [*PLANNERS, *agents])
+        near = did_you_mean(name.partition("+")[0], [*PLANNERS, *agents])
         raise ValueError(
             f"unknown policy {name!r}{near}; policies are {', '.join([*PLANNERS, *agents])}, and "
             "the directories of trained agents"
         )
     if found and not (tries.isascii() and tries.isdecimal()):
         raise ValueError(f"policy {name!r}: need a whole number after {TRIES}, got {tries!r}")
-    from agents.policies.lookahead import Imagining
-    from agents.policies.network_policy import pilot
+    from agents.policies.lookahead import LookaheadPolicy
+    from agents.policies.network_policy import network_policy
 
-    return Imagining(pilot(place), int(tries)) if found else pilot(place)
+    return LookaheadPolicy(network_policy(place), int(tries)) if found else network_policy(place)

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.policies.interface import Policy
-from agents.policies.shield_decisions import Hand
+from agents.policies.shield_decisions import ShieldDecision
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.simulation.observations import Observation
@@ -77,7 +77,7 @@ class Shield:
         """`guided` takes over where no other planner is given."""
         self._agent = agent
         self._planner: Replanner = Guided() if planner is None else planner
-        self.hands: list[Hand] = []
+        self.hands: list[ShieldDecision] = []
         """Who decided the steps of this flight so far."""
         self.decisions: list[Decision] = []
         """What was decided in them; the agent's as its segment, and the next if it was asked."""
@@ -106,16 +106,16 @@ class Shield:
         self._measure(vehicle)
         proposal = self._proposal(observation, vehicle)
         hand = self._hand(state, proposal)
-        if hand is not Hand.AGENT:
+        if hand is not ShieldDecision.AGENT:
             decision = self._decide(state)
             if decision.chain is not None:
                 self._last = state, decision.chain
                 self._note(hand, decision)
                 return encode(decision.chain[0], vehicle.position, vehicle.derivative)
             if not proposal.flies:
-                self._note(Hand.STUCK, decision)
+                self._note(ShieldDecision.STUCK, decision)
                 return None
-            hand = Hand.UNPROVEN
+            hand = ShieldDecision.UNPROVEN
         flown, meant = self._meant(proposal)
         self._last = state, flown
         seconds = time.perf_counter() - began
@@ -126,7 +126,7 @@ class Shield:
     def _measure(self, vehicle: transition.State) -> None:
         """Note how near to the goal the flight was, and how often the agent led no nearer."""
         distance = self._distance(vehicle)
-        if distance >= self._nearest and self.hands[-1:] == [Hand.AGENT]:
+        if distance >= self._nearest and self.hands[-1:] == [ShieldDecision.AGENT]:
             self._wasted += 1
         self._nearest = min(distance, self._nearest)
 
@@ -135,7 +135,7 @@ class Shield:
         (distance,), _ = distance_to_go(self._field)(vehicle.position[None])
         return float(distance)
 
-    def _note(self, hand: Hand, decision: Decision) -> None:
+    def _note(self, hand: ShieldDecision, decision: Decision) -> None:
         self.hands.append(hand)
         self.decisions.append(decision)
 
@@ -152,23 +152,23 @@ class Shield:
         step = transition.advance(self._field, vehicle, action, self._planner.limits)
         return _Proposal(vehicle, action, step)
 
-    def _hand(self, state: State, proposal: _Proposal) -> Hand:
+    def _hand(self, state: State, proposal: _Proposal) -> ShieldDecision:
         """In whose hands a step is."""
         step = proposal.step
         if step is None:
-            return Hand.GAVE_UP
+            return ShieldDecision.GAVE_UP
         if not step.flown:
-            return Hand.INFEASIBLE
+            return ShieldDecision.INFEASIBLE
         if step.outcome is Outcome.GOAL_REACHED:
-            return Hand.AGENT
+            return ShieldDecision.AGENT
         left = self._planner.limits.segments - step.state.segments
         distance = self._distance(step.state)
         if distance > PACE * (left - RESERVE):
-            return Hand.RUNNING_OUT
+            return ShieldDecision.RUNNING_OUT
         if distance >= self._nearest and self._wasted >= PATIENCE:
-            return Hand.LOITERING
+            return ShieldDecision.LOITERING
         end = successor(state, step.control[None], step.state)
-        return Hand.AGENT if self._goes_on(end) else Hand.NOT_CONTINUABLE
+        return ShieldDecision.AGENT if self._goes_on(end) else ShieldDecision.NOT_CONTINUABLE
 
     def _goes_on(self, end: State) -> bool:
         """Whether a feasible segment is known from a state; the next step uses what was found."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from enum import Enum
 
 
-class Hand(Enum):
+class ShieldDecision(Enum):
     """Who decided a step: the agent, or the planner and why. Labels are stable."""
 
     AGENT = ("agent", "left to the agent")
@@ -25,6 +25,6 @@ class Hand(Enum):
         """What people are shown."""
 
 
-def share_handed_over(hands: Sequence[Hand]) -> float:
+def share_handed_over(hands: Sequence[ShieldDecision]) -> float:
     """Share of steps, at least one, that were not left to the agent."""
-    return sum(hand is not Hand.AGENT for hand in hands) / len(hands)
+    return sum(hand is not ShieldDecision.AGENT for hand in hands) / len(hands)

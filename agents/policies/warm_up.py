@@ -6,7 +6,7 @@ from functools import cache
 
 from agents.policies.registry import SHIELDED, make_planner
 from agents.runtime.kernels import small_field
-from planners.interface import Planner, depart
+from planners.interface import Planner, initial_state
 from planners.registry import PLANNERS
 from planners.whole_path.planner import with_seconds
 
@@ -38,5 +38,5 @@ def warm(name: str, seconds: float | None = None) -> Planner:
     """
     planner = with_seconds(make_planner(name), seconds)
     field = small_field()
-    with_seconds(planner, _SECONDS).plan(field, depart(field), 0)
+    with_seconds(planner, _SECONDS).plan(field, initial_state(field), 0)
     return planner

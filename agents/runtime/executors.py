@@ -19,7 +19,7 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 
 from agents.evaluation.chunks import Answer, Task, end_with, fly_task
-from agents.runtime.interrupts import put_off, uninterrupted
+from agents.runtime.interrupts import defer_interrupt, uninterrupted
 from ferguson_gym.runtime.optional_dependencies import installing
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
@@ -150,7 +150,7 @@ def flying(backend: Backend) -> Iterator[Callable[..., Iterator[Answer]]]:
 def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterator[Answer]:
     if workers == 1:
         for task in tasks:
-            with put_off() as look:
+            with defer_interrupt() as look:
                 answer = fly_task(task, look)
             yield answer
         return

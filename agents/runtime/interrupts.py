@@ -29,7 +29,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 @contextmanager
-def put_off() -> Iterator[Callable[[], None]]:
+def defer_interrupt() -> Iterator[Callable[[], None]]:
     """Put an interruption off until it is looked for; a second one comes through.
 
     Compiled code may crash the process where an exception meets it on its way into Python and back.

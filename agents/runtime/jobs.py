@@ -6,3 +6,6 @@ from collections.abc import Callable
 
 Job = Callable[[], int]
 """Work whose input was checked; returns the exit status."""
+
+DONE = 0
+"""Exit status of a command that did what was asked."""

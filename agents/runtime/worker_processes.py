@@ -9,14 +9,14 @@ from typing import Any
 
 from joblib import Parallel
 
-from agents.runtime.interrupts import put_off, uninterrupted
+from agents.runtime.interrupts import defer_interrupt, uninterrupted
 
 GOES_ON = "what is finished is kept, and the same command goes on"
 Call = tuple[Callable[..., Any], Sequence[Any], Mapping[str, Any]]
 """As `joblib.delayed` makes it."""
 
 
-def spread(
+def map_in_processes(
     calls: Iterable[Call], workers: int, *, in_order: bool, afterwards: str
 ) -> Iterator[Any]:
     """Results of calls as they come, by so many processes; a single one is this.
@@ -33,7 +33,7 @@ def spread(
     """
     if workers == 1:
         for function, given, named in calls:
-            with put_off():
+            with defer_interrupt():
                 result = function(*given, **named)
             yield result
         return

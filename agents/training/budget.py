@@ -15,7 +15,7 @@ from typing import Any
 _STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C again: at once\n"
 
 
-class Pace:
+class TrainingBudget:
     """Steps and seconds of a training, those of earlier sittings among them."""
 
     def __init__(
@@ -49,11 +49,11 @@ class Pace:
 
 
 @dataclass(frozen=True, slots=True)
-class Falling:
+class LinearSchedule:
     """A schedule of Stable-Baselines3: from a value to 0, in step with the training."""
 
     value: float
-    pace: Pace
+    pace: TrainingBudget
 
     def __call__(self, _: float) -> float:
         """The value now; the library's own count knows no limit of time."""

@@ -25,7 +25,7 @@ _MOST, _MOST_ALIASES = 10_000, 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recipe:
+class Hyperparameters:
     """Hyperparameters of a training."""
 
     n_envs: int
@@ -43,7 +43,7 @@ class Recipe:
     """The algorithm's own; numbers, words, or `lin_X`."""
 
 
-def read(given: str, known: Collection[str]) -> Recipe:
+def read(given: str, known: Collection[str]) -> Hyperparameters:
     """The recipe of a file, or of a shipped one by its name.
 
     Args:
@@ -82,7 +82,7 @@ def read(given: str, known: Collection[str]) -> Recipe:
     if missing := [key for key in _COMMON[:4] if key not in entries]:
         raise ValueError(f"{given}: missing keys {', '.join(missing)}")
     try:
-        return Recipe(
+        return Hyperparameters(
             n_envs=_count(entries, "n_envs"),
             n_timesteps=_count(entries, "n_timesteps"),
             eval_freq=_count(entries, "eval_freq"),

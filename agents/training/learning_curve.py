@@ -11,17 +11,17 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.evaluation.results import write_csv
 from agents.flights.batched import Score, fly_batch, score
 from agents.models import loading, torch_model
 from agents.models.model import MODEL
 from agents.models.model_card import CARD, Card, read_card, write_card
 from agents.models.torch_model import Learned
 from agents.runtime import provenance
-from agents.runtime.interrupts import put_off
+from agents.runtime.csv_files import write_csv
+from agents.runtime.interrupts import defer_interrupt
 from agents.training.run import Run
-from ferguson_gym.runtime.atomic_files import written_whole
-from ferguson_gym.world.field_names import select
+from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.world.field_names import get_fields
 
 CURVE = "curve.csv"
 _COLUMNS = ("steps", "minutes", "success", "spl", "gap")
@@ -84,7 +84,7 @@ class Record:
             also: what else belongs into the curve.
         """
         found = score(
-            fly_batch(Learned(model.policy, self._card).model, select(self._run.chosen_on))
+            fly_batch(Learned(model.policy, self._card).model, get_fields(self._run.chosen_on))
         )
         row = {
             "steps": steps,
@@ -109,12 +109,12 @@ class Record:
     def finish(self) -> Card:
         """Fly the best model through the fields that are reported, and make it the final one."""
         best = loading.load(self._best)
-        with put_off():
-            found = score(fly_batch(best, select(self._run.reported_on)))
+        with defer_interrupt():
+            found = score(fly_batch(best, get_fields(self._run.reported_on)))
         results = {**best.card.results, "reported_on": _told(self._run.reported_on, found)}
         card = dataclasses.replace(best.card, curve=self.curve, results=results)
         directory = self._run.directory
-        with written_whole(directory / MODEL) as temporary:
+        with atomic_write(directory / MODEL) as temporary:
             shutil.copyfile(self._best / MODEL, temporary)
         write_card(directory, card)
         gap = "no gap" if found.gap is None else f"median gap {found.gap:.2%}"

@@ -13,8 +13,8 @@ from typing import Any, Protocol, cast
 
 from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
-from agents.training.hyperparameters import Recipe
-from ferguson_gym.runtime.atomic_files import written_whole
+from agents.training.hyperparameters import Hyperparameters
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
 """Fields by which the best model is chosen, and of which it is told how it flies."""
@@ -38,7 +38,7 @@ class Run:
 
     algorithm: str
     directory: Path
-    recipe: Recipe
+    recipe: Hyperparameters
     seed: int = 0
     steps: int | None = None
     """Segments flown at most; None: no limit if there is one of time, else the recipe's."""
@@ -159,7 +159,7 @@ ALGORITHMS: Mapping[str, Algorithm] = {
 """By name, as the command line has them."""
 
 
-def left_off(run: Run) -> bool:
+def can_resume(run: Run) -> bool:
     """Whether the directory holds this very run, and it is to be gone on with.
 
     Raises:
@@ -214,11 +214,11 @@ def finished(run: Run) -> bool:
 def begin(run: Run) -> None:
     """Make the run's directory and say in it what the run is."""
     run.directory.mkdir(parents=True, exist_ok=True)
-    with written_whole(run.directory / _CONFIGURATION) as temporary:
+    with atomic_write(run.directory / _CONFIGURATION) as temporary:
         temporary.write_text(json.dumps(run.configuration(), indent=1) + "\n", encoding="utf-8")
 
 
-def forget(directory: Path) -> None:
+def delete_run(directory: Path) -> None:
     """Remove what a run has written, and nothing else.
 
     Raises:

@@ -18,21 +18,20 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import VecMonitor
 
-from agents.cli.arguments import DONE
 from agents.models import networks, torch_model
 from agents.models.architecture import ON_POLICY
 from agents.models.model_card import Card, check_environment
 from agents.models.torch_model import Learned
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.training import checkpoint as training_checkpoint
 from agents.training import run as training
-from agents.training.budget import Falling, Pace, Stop, stop_on_interrupt
+from agents.training.budget import LinearSchedule, Stop, TrainingBudget, stop_on_interrupt
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import Record, card_of
 from agents.training.run import Run
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 
 CHECKPOINT_SECONDS = 300.0
 """Between checkpoints; one more is written when a training stops."""
@@ -55,12 +54,12 @@ def prepare(run: Run) -> Job:
     card = card_for(run, start)
     demos = None if run.demos is None else demonstration_data.read(run.demos)
     for spec in (run.chosen_on, run.reported_on):
-        select(spec)
+        get_fields(spec)
     place = run.directory / "checkpoint"
     checkpoint = None if run.fresh else training_checkpoint.latest(place)
     counts = None if checkpoint is None else training_checkpoint.counts_of(checkpoint)
     steps, seconds = (0, 0.0) if counts is None else (counts.steps, counts.seconds)
-    pace = Pace(run.most_steps, run.minutes, steps, seconds)
+    pace = TrainingBudget(run.most_steps, run.minutes, steps, seconds)
     numba.set_num_threads(min(run.threads, numba.get_num_threads()))
     torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
     model = _learner(run, card, pace)
@@ -76,7 +75,7 @@ def prepare(run: Run) -> Job:
 
     def job() -> int:
         if known is None:
-            training.forget(run.directory)  # what came before a first checkpoint is of no use
+            training.delete_run(run.directory)  # what came before a first checkpoint is of no use
             training.begin(run)
         record = known or Record(run, card)
         pace.start(seconds)
@@ -121,7 +120,7 @@ def card_for(run: Run, start: Learned | None) -> Card:
     return card
 
 
-def _learner(run: Run, card: Card, pace: Pace) -> BaseAlgorithm:
+def _learner(run: Run, card: Card, pace: TrainingBudget) -> BaseAlgorithm:
     """The algorithm, with weights drawn at random.
 
     Raises:
@@ -151,8 +150,8 @@ def _learner(run: Run, card: Card, pace: Pace) -> BaseAlgorithm:
         raise ValueError(f"{run.algorithm} refuses these hyperparameters: {reason}") from None
 
 
-def _scheduled(value: Any, pace: Pace) -> Any:
-    return value if (top := slope(value)) is None else Falling(top, pace)
+def _scheduled(value: Any, pace: TrainingBudget) -> Any:
+    return value if (top := slope(value)) is None else LinearSchedule(top, pace)
 
 
 def _noise(arguments: dict[str, Any]) -> Any:
@@ -176,7 +175,7 @@ def _buffer(model: BaseAlgorithm) -> Any:
     return model.replay_buffer  # type: ignore[attr-defined]
 
 
-def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: Pace) -> None:
+def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: TrainingBudget) -> None:
     """Train until a limit is reached, and keep a checkpoint.
 
     Raises:
@@ -205,7 +204,9 @@ class _Watch(BaseCallback):
     are as they will be if the training goes on from there.
     """
 
-    def __init__(self, run: Run, record: Record, pace: Pace, stop: Stop, bar: Progress) -> None:
+    def __init__(
+        self, run: Run, record: Record, pace: TrainingBudget, stop: Stop, bar: Progress
+    ) -> None:
         super().__init__()
         self._run, self._record, self._pace, self._stop, self._bar = run, record, pace, stop, bar
         self._critic_alone = run.recipe.learner.get(_CRITIC_ALONE, 0)

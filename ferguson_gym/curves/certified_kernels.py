@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from ferguson_gym.curves.arc_length import DEPTH as PIECES
 from ferguson_gym.curves.arc_length import NODES
-from ferguson_gym.curves.nearest_point import CUBIC, DEPTH, QUADRATIC, Rows, least_norm
+from ferguson_gym.curves.nearest_point import CUBIC, DEPTH, QUADRATIC, Rows, nearest_point
 from ferguson_gym.curves.splines import coordinate_extent
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import borrowed, compiled, compiled_in_place
+from ferguson_gym.runtime.jit import compiled, compiled_in_place, unowned
 
 _MARGIN = 2e-10
 """Outward margin, part of the scale; covers the search (1e-10) and its rounding."""
@@ -63,19 +63,19 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
 
 @compiled
 def borrowed_scratch(scratch: Scratch) -> Scratch:
-    """The same memory, without its owner; see `ferguson_gym.runtime.jit.borrowed`."""
+    """The same memory, without its owner; see `ferguson_gym.runtime.jit.unowned`."""
     return Scratch(
         scratch.axes,
-        borrowed(scratch.chord),
-        borrowed(scratch.work),
-        borrowed(scratch.found),
-        borrowed(scratch.points),
-        borrowed(scratch.stack),
-        borrowed(scratch.spans),
-        borrowed(scratch.coefficients),
-        borrowed(scratch.pieces),
-        borrowed(scratch.widths),
-        borrowed(scratch.speed2),
+        unowned(scratch.chord),
+        unowned(scratch.work),
+        unowned(scratch.found),
+        unowned(scratch.points),
+        unowned(scratch.stack),
+        unowned(scratch.spans),
+        unowned(scratch.coefficients),
+        unowned(scratch.pieces),
+        unowned(scratch.widths),
+        unowned(scratch.speed2),
     )
 
 
@@ -256,7 +256,7 @@ def _nearer(
     enough = best + margin + radii[k]
     if enough <= 0.0 or _least_ahead(scratch.points, CUBIC, scratch.axes) >= enough + margin:
         return best
-    norm, _ = least_norm(
+    norm, _ = nearest_point(
         scratch.points,
         enough,
         CUBIC,
@@ -283,7 +283,7 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
     ahead = _least_ahead(points, QUADRATIC, axes)
     if ahead >= enough + 2.0 * margin:
         return ahead - margin, 0.0
-    norm, where = least_norm(
+    norm, where = nearest_point(
         points,
         enough + margin,
         QUADRATIC,
@@ -328,7 +328,7 @@ def closest(control: Array, centers: Array, radii: Array, axes: Rows) -> tuple[A
     for s in range(segments):
         for k in range(discs):
             margin = _shift(control[s], columns, k, scratch)
-            norm, where[s, k] = least_norm(
+            norm, where[s, k] = nearest_point(
                 scratch.points,
                 np.inf,
                 CUBIC,

@@ -98,7 +98,7 @@ def _least_of_convex(coefficients: Array, scratch: Array, rows: Rows) -> tuple[f
 
 
 @compiled
-def least_norm(
+def nearest_point(
     points: Array, enough: float, rows: Rows, axes: Rows, stack: Array, spans: Array, work: Array
 ) -> tuple[float, float]:
     """Least |Y(t)| over t in [0, 1], and where.

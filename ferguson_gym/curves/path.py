@@ -12,7 +12,7 @@ import numpy as np
 from ferguson_gym.curves import splines
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array, frozen
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 _JOINT = 1e-9
 """Largest gap between segments, part of the path's largest number."""
@@ -76,7 +76,7 @@ class Path:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path as JSON; loading it gives the same numbers, bit for bit."""
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             temporary.write_text(json.dumps({"control": self.control.tolist()}) + "\n")
 
     @classmethod

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.curves.curvature import greatest_curvatures
-from ferguson_gym.runtime.arrays import Array, GenericArray, check_size, finite, real, shortened
+from ferguson_gym.runtime.arrays import Array, GenericArray, check_size, finite, real, truncate_repr
 from ferguson_gym.runtime.jit import compiled
 
 _POWER_BASIS = np.array(
@@ -68,7 +68,7 @@ def basis(t: ArrayLike, order: int = 0) -> Array:
     if t.size and not (t.min() >= 0.0 and t.max() <= 1.0):
         raise ValueError(f"parameters lie in [0, 1], got {t[(t < 0.0) | (t > 1.0)][0]}")
     if not isinstance(order, (int, np.integer)) or order < 0:
-        given = shortened(order)
+        given = truncate_repr(order)
         raise ValueError(f"a derivative's order is a whole number from 0 on, got {given}")
     powers = np.zeros((len(t), 4))
     for power in range(order, 4):

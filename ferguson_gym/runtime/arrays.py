@@ -35,12 +35,12 @@ def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Arra
     except ValueError as error:  # ragged lists
         raise ValueError(f"{name} must be {kind}: {error}") from None
     if array.dtype.kind not in "biuf":  # whole numbers beyond 64 bits are objects
-        raise ValueError(f"{name} must be {kind}, got {shortened(value)}")
+        raise ValueError(f"{name} must be {kind}, got {truncate_repr(value)}")
     # ascontiguousarray alone would make a number a vector
     return np.ascontiguousarray(array, dtype=np.float64).reshape(array.shape)
 
 
-def shortened(value: object, most: int = 60) -> str:
+def truncate_repr(value: object, most: int = 60) -> str:
     """A value as an error shows it: on one line of at most so many characters."""
     text = " ".join(repr(value).split())
     return text if len(text) <= most else text[: most - 3] + "..."

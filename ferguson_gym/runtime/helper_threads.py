@@ -70,7 +70,7 @@ put = cast("Callable[[Counters, int, int], int]", _exchange("xchg"))
 get = cast("Callable[[Counters, int], int]", _get)
 
 
-class Crew:
+class HelperThreads:
     """Threads that help with one job for as long as it lives.
 
     Args:

@@ -108,7 +108,7 @@ def _jit(function: F, **options: Any) -> F:
 
 
 @intrinsic
-def _borrowed(_: Any, array: Any) -> Any:
+def _unowned(_: Any, array: Any) -> Any:
     """An array without its owner: no reference is counted when it is sliced.
 
     The counting is atomic and takes a quarter of a step's time. Whoever borrows must see to it
@@ -145,5 +145,5 @@ def _prefetch(_: Any, array: Any, byte: Any) -> Any:
 
 
 # typed as they are called from compiled functions
-borrowed = cast("Callable[[T], T]", _borrowed)
+unowned = cast("Callable[[T], T]", _unowned)
 prefetch = cast("Callable[[NDArray[Any], int], None]", _prefetch)

@@ -146,7 +146,7 @@ def _query(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class DistanceToGo:
+class DistanceToGoal:
     """Length of the shortest path from any point to the goal of a field of discs in the plane.
 
     Building it takes one search from the goal; a query then looks at the tangents of a point.
@@ -245,10 +245,10 @@ class DistanceToGo:
 
 
 @lru_cache(maxsize=2)
-def distance_to_go(field: Field) -> DistanceToGo:
+def distance_to_go(field: Field) -> DistanceToGoal:
     """Built once a flight: fields are known by identity, and one flight follows the other.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
     """
-    return DistanceToGo(field)
+    return DistanceToGoal(field)

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
@@ -20,7 +20,7 @@ def shortest_path(field: Field) -> ShortestPath | None:
     Raises:
         TypeError: obstacles other than discs in the plane.
     """
-    return DistanceToGo(field).path(field.start)
+    return DistanceToGoal(field).path(field.start)
 
 
 def exact_length(field: Field) -> float | None:
@@ -29,8 +29,8 @@ def exact_length(field: Field) -> float | None:
     It is found once for all fields of the same content, of which the last 4096 are remembered.
 
     Example:
-        >>> from ferguson_gym.world.field_names import one
-        >>> round(exact_length(one("paper:2")), 3)
+        >>> from ferguson_gym.world.field_names import get_field
+        >>> round(exact_length(get_field("paper:2")), 3)
         144.338
     """
     discs = field.obstacles

@@ -29,7 +29,7 @@ from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.distance_to_goal import (
     NOWHERE,
     STRAIGHT,
-    DistanceToGo,
+    DistanceToGoal,
     along_track,
     seen,
     straight,
@@ -174,7 +174,7 @@ def _grow(
     return stages, ends
 
 
-def classes(distance: DistanceToGo, point: ArrayLike, k: int) -> list[ShortestPath]:
+def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[ShortestPath]:
     """As `best_classes`, for a field whose distance to the goal is known.
 
     Raises:
@@ -215,4 +215,4 @@ def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:
         TypeError: obstacles other than discs in the plane.
         ValueError: a point of another shape, NaN or infinity; k below 1.
     """
-    return classes(DistanceToGo(field), point, k)
+    return classes(DistanceToGoal(field), point, k)

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.helper_threads import PATIENCE, Crew, new_counters
+from ferguson_gym.runtime.helper_threads import PATIENCE, HelperThreads, new_counters
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.field_store import Bank
+from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.observations import Single
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.step_kernel import Flags, Records
@@ -33,7 +33,7 @@ NOT_STARTED = -1
 """In place of an outcome, before the first reset."""
 
 
-class Fleet:
+class BatchSimulator:
     """N vehicles, each in a field of its own.
 
     The bank holds a slot for each vehicle, for fields that were asked for, and behind them
@@ -43,11 +43,11 @@ class Fleet:
 
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
         self.settings, self.number = settings, number
-        self._bank = Bank(number + settings.fields, settings.most)
+        self._bank = FieldStore(number + settings.fields, settings.most)
         flights = np.zeros(number, step_kernel.FLIGHT)
         flights["outcome"], flights["next"] = NOT_STARTED, VOID
         values = number * sum(settings.layout.entries().values())
-        self._job = step_kernel.Job(
+        self._job = step_kernel.StepBuffers(
             flights=flights,
             paths=np.zeros((number, settings.segments + 1, 4, 2)),
             queue=np.zeros((number, BLOCK), np.int64),
@@ -62,13 +62,13 @@ class Fleet:
             last_seen=np.zeros(values, np.float32),
             last_reports=np.zeros(number, step_kernel.REPORT),
         )
-        self._bare = step_kernel.bare(self._job)
+        self._bare = step_kernel.as_plain_tuple(self._job)
         self._given: list[Field | None] = [None] * number
         self._drawn: list[int] = []
         self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
         self._every = np.ones(number, np.bool_)
         self._counters = new_counters()
-        self._crew: Crew | None = None
+        self._crew: HelperThreads | None = None
 
     @property
     def outcome(self) -> NDArray[np.int64]:
@@ -83,7 +83,7 @@ class Fleet:
         """
         self._bank.make_room(field)
         self._job = self._job._replace(world=self._bank.world)
-        self._bare = step_kernel.bare(self._job)
+        self._bare = step_kernel.as_plain_tuple(self._job)
         self._crew = None  # which works on the job as it was
 
     def begin(
@@ -146,11 +146,11 @@ class Fleet:
         """Everything but threads, which a copy hires anew."""
         return self.__dict__ | {"_crew": None}
 
-    def _hire(self) -> Crew:
+    def _hire(self) -> HelperThreads:
         # the threads must not keep the fleet alive
         job, counters = self._bare, self._counters
         threads = min(numba.get_num_threads(), self.number // step_kernel.CHUNK)
-        return Crew(
+        return HelperThreads(
             lambda: step_kernel.help_out(job, counters, step_kernel.FROM_BACK, PATIENCE),
             threads - 1,
         )

@@ -25,7 +25,7 @@ PLACE = np.dtype(
 the straight distance from start to goal and the clearance at the start [m]."""
 
 
-class World(NamedTuple):
+class FieldArrays(NamedTuple):
     """Fields by slot."""
 
     places: NDArray[np.void]
@@ -34,7 +34,7 @@ class World(NamedTuple):
     """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
 
 
-class Bank:
+class FieldStore:
     """Holds fields of at most M = `capacity` discs.
 
     Slots behind the last that was filled take no memory: the system provides zeros on first use.
@@ -43,7 +43,7 @@ class Bank:
     def __init__(self, slots: int, capacity: int) -> None:
         self.capacity = capacity
         self._usual = Field(name="usual", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
-        self.world = World(
+        self.world = FieldArrays(
             places=np.zeros(slots, PLACE),
             discs=np.zeros((slots, 3, max(capacity, 1))),
         )

@@ -68,7 +68,7 @@ def _clipped(value: float) -> float:
 
 
 @compiled_in_place
-def look(
+def write_observation(
     seen: Single,
     i: int,
     number: int,

@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.simulation.observations import Layout, Observation, entries_of, look
+from ferguson_gym.simulation.observations import Layout, Observation, entries_of, write_observation
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.transition import State
@@ -46,7 +46,7 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
     for i, vehicle in enumerate(vehicles):
         # copied: for memory that may not be written, another kernel would be compiled
         position[:], derivative[:] = vehicle.position, vehicle.derivative
-        look(
+        write_observation(
             seen,
             i,
             count,

@@ -8,13 +8,20 @@ from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
-from ferguson_gym.runtime.arrays import finite, shortened
+from ferguson_gym.runtime.arrays import finite, truncate_repr
 from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
 from ferguson_gym.simulation.reward import Prices
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
-from ferguson_gym.world.suites import SUITES, Recipe, Scattered, altered, check_suite, suite_discs
+from ferguson_gym.world.suites import (
+    SUITES,
+    Recipe,
+    Scattered,
+    check_suite,
+    suite_discs,
+    with_overrides,
+)
 
 MOST_FIELDS = 1_000_000
 """That resets may draw from: each has its place in an array."""
@@ -53,7 +60,7 @@ class Settings:
     def __post_init__(self) -> None:
         for name in ("suite", "split", "observation"):
             if not isinstance(given := getattr(self, name), str):
-                raise ValueError(f"{name} must be a name, got {shortened(given)}")
+                raise ValueError(f"{name} must be a name, got {truncate_repr(given)}")
         check_suite(self.suite, self.split)
         self._check_numbers()
         if not 1 <= self.fields <= MOST_FIELDS:
@@ -95,9 +102,9 @@ class Settings:
                 continue
             if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
                 a_number = "a whole number" if name in whole else "a number"
-                raise ValueError(f"{name} must be {a_number}, got {shortened(given)}")
+                raise ValueError(f"{name} must be {a_number}, got {truncate_repr(given)}")
         if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
-            raise ValueError(f"radii are (least, greatest), got {shortened(self.radii)}")
+            raise ValueError(f"radii are (least, greatest), got {truncate_repr(self.radii)}")
         if self.radii is not None:  # not the caller's own list, which may change
             object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 
@@ -117,7 +124,7 @@ class Settings:
         if self.obstacles is None and self.radii is None:
             return SUITES[self.suite]
         radii = None if self.radii is None else (self.radii[0], self.radii[1])
-        return altered(self.suite, self.obstacles, radii)
+        return with_overrides(self.suite, self.obstacles, radii)
 
     @property
     def layout(self) -> Layout:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import new_counters
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.field_store import Bank
+from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import Action
@@ -23,7 +23,7 @@ from ferguson_gym.world.transition import State
 _FLYING, _ARRIVED = Outcome.FLYING.code, Outcome.GOAL_REACHED.code
 
 
-class Imagined:
+class SimulatedRollouts:
     """Flights of one field, numbered from 0 on; those that are over, or given up, are not stepped.
 
     Args:
@@ -38,7 +38,7 @@ class Imagined:
     """
 
     def __init__(self, field: Field, vehicle: State, number: int, settings: Settings) -> None:
-        bank = Bank(1, len(planar_discs(field)))
+        bank = FieldStore(1, len(planar_discs(field)))
         bank.put(0, field)
         flights = np.zeros(number, step_kernel.FLIGHT)
         flights["position"], flights["derivative"] = vehicle.position, vehicle.derivative
@@ -47,7 +47,7 @@ class Imagined:
         layout = settings.layout
         self._sizes = layout.entries()
         values = number * sum(self._sizes.values())
-        self._job = step_kernel.Job(
+        self._job = step_kernel.StepBuffers(
             flights=flights,
             paths=np.empty((number, settings.limits.segments + 1, 4, 2)),
             queue=np.zeros((number, 1), np.int64),
@@ -65,7 +65,7 @@ class Imagined:
         self._counters = new_counters()
         self.which: NDArray[np.int64] = np.arange(number)
         """Numbers (n,) of the flights that go on."""
-        step_kernel.begin(step_kernel.bare(self._job), np.zeros(number, np.bool_))
+        step_kernel.begin(step_kernel.as_plain_tuple(self._job), np.zeros(number, np.bool_))
 
     @property
     def seen(self) -> Observation:
@@ -97,7 +97,7 @@ class Imagined:
     def step(self, actions: Action) -> None:
         """Fly one action (4,) in [-1, 1] of each that goes on; what they see is of after it."""
         self._job.actions[:] = actions
-        step_kernel.advance(step_kernel.bare(self._job), self._counters)
+        step_kernel.advance(step_kernel.as_plain_tuple(self._job), self._counters)
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
         """Let those go on that are chosen (n,)."""

@@ -14,18 +14,18 @@ from ferguson_gym.curves.certified_kernels import Scratch, borrowed_scratch, mak
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, Counters, add, get, put
 from ferguson_gym.runtime.jit import (
-    borrowed,
     compiled,
     compiled_in_place,
     compiled_without_lock,
     prefetch,
+    unowned,
 )
-from ferguson_gym.simulation.field_store import World
-from ferguson_gym.simulation.observations import Layout, Single, look
+from ferguson_gym.simulation.field_store import FieldArrays
+from ferguson_gym.simulation.observations import Layout, Single, write_observation
 from ferguson_gym.simulation.reward import Prices, gain
 from ferguson_gym.world.actions import Action, decode_into
 from ferguson_gym.world.feasibility import FLYING, first_failure
-from ferguson_gym.world.limits import Numbers
+from ferguson_gym.world.limits import LimitValues
 from ferguson_gym.world.outcome import Outcome
 
 Flags = NDArray[np.bool_]
@@ -80,7 +80,7 @@ REPORT = np.dtype(
 """What a step returns beside the observation; the last five are infos."""
 
 
-class Job(NamedTuple):
+class StepBuffers(NamedTuple):
     """Everything that a step of N vehicles needs, and where its results go.
 
     Records and few arrays: the compiler's time grows with their number.
@@ -92,10 +92,10 @@ class Job(NamedTuple):
     """(N, segments + 1, 4, 2) segments flown, then the last one asked for."""
     queue: Integers
     """(N, B) slots of the fields that later resets will fly."""
-    world: World
+    world: FieldArrays
     actions: Action
     """(N, 4) in [-1, 1]."""
-    limits: Numbers
+    limits: LimitValues
     prices: Prices
     layout: Layout
     mode: int
@@ -115,7 +115,7 @@ Bare: TypeAlias = tuple[Any, ...]
 
 
 @compiled_in_place
-def _begin(job: Job, i: int) -> None:
+def _begin(job: StepBuffers, i: int) -> None:
     flight, world = job.flights[i], job.world
     place = world.places[flight.slot]
     flight.segments, flight.outcome, flight.path_length = 0, FLYING, 0.0
@@ -132,7 +132,7 @@ def _distance(position: Array, goal: Array) -> float:
 
 
 @compiled_in_place
-def _fly(job: Job, i: int, scratch: Scratch) -> float:
+def _fly(job: StepBuffers, i: int, scratch: Scratch) -> float:
     """Fly one action; returns the reward."""
     flight, world, limits = job.flights[i], job.world, job.limits
     slot = flight.slot
@@ -169,12 +169,14 @@ def _fly(job: Job, i: int, scratch: Scratch) -> float:
 
 
 @compiled_in_place
-def _observe(job: Job, i: int, seen: Single, report: Any, work: Array, found: Integers) -> None:
+def _observe(
+    job: StepBuffers, i: int, seen: Single, report: Any, work: Array, found: Integers
+) -> None:
     """Write what a vehicle sees, and its infos."""
     flight, world = job.flights[i], job.world
     slot = flight.slot
     place = world.places[slot]
-    look(
+    write_observation(
         seen,
         i,
         len(job.flights),
@@ -197,7 +199,7 @@ def _observe(job: Job, i: int, seen: Single, report: Any, work: Array, found: In
 
 
 @compiled_in_place
-def _advance(job: Job, i: int, scratch: Scratch) -> None:
+def _advance(job: StepBuffers, i: int, scratch: Scratch) -> None:
     flight, report = job.flights[i], job.reports[i]
     report.reward = 0.0
     report.terminated = False
@@ -224,7 +226,7 @@ def _advance(job: Job, i: int, scratch: Scratch) -> None:
 
 
 @compiled_in_place
-def _fetch(job: Job, i: int) -> None:
+def _fetch(job: StepBuffers, i: int) -> None:
     """Have brought near what a vehicle's step will read: its field, or the next one."""
     flight, world = job.flights[i], job.world
     slot = flight.slot
@@ -239,20 +241,20 @@ def _fetch(job: Job, i: int) -> None:
     prefetch(job.paths[i, flight.segments], 0)
 
 
-def bare(job: Any) -> Bare:
+def as_plain_tuple(job: Any) -> Bare:
     """A job as tuples without names: compiled code is called with them in a third of the time."""
-    return tuple(bare(part) if isinstance(part, tuple) else part for part in job)
+    return tuple(as_plain_tuple(part) if isinstance(part, tuple) else part for part in job)
 
 
 @compiled
-def _job(given: Bare) -> Job:
-    return Job(
+def _job(given: Bare) -> StepBuffers:
+    return StepBuffers(
         given[0],
         given[1],
         given[2],
-        World(*given[3]),
+        FieldArrays(*given[3]),
         given[4],
-        Numbers(*given[5]),
+        LimitValues(*given[5]),
         Prices(*given[6]),
         Layout(*given[7]),
         given[8],
@@ -264,28 +266,28 @@ def _job(given: Bare) -> Job:
 
 
 @compiled
-def _borrowed(given: Bare) -> Job:
+def _unowned(given: Bare) -> StepBuffers:
     job = _job(given)
     world = job.world
-    return Job(
-        borrowed(job.flights),
-        borrowed(job.paths),
-        borrowed(job.queue),
-        World(borrowed(world.places), borrowed(world.discs)),
-        borrowed(job.actions),
+    return StepBuffers(
+        unowned(job.flights),
+        unowned(job.paths),
+        unowned(job.queue),
+        FieldArrays(unowned(world.places), unowned(world.discs)),
+        unowned(job.actions),
         job.limits,
         job.prices,
         Layout(
             job.layout.nearest,
-            borrowed(job.layout.ways),
+            unowned(job.layout.ways),
             job.layout.focus,
             job.layout.sight,
         ),
         job.mode,
-        borrowed(job.seen),
-        borrowed(job.reports),
-        borrowed(job.last_seen),
-        borrowed(job.last_reports),
+        unowned(job.seen),
+        unowned(job.reports),
+        unowned(job.last_seen),
+        unowned(job.last_reports),
     )
 
 
@@ -305,7 +307,7 @@ def help_out(given: Bare, counters: Counters, claim: int, patience: int) -> None
         claim: FROM_FRONT or FROM_BACK.
         patience: looks.
     """
-    lent = _borrowed(given)
+    lent = _unowned(given)
     owned = make_scratch((0, 1), lent.world.discs.shape[2])
     scratch = borrowed_scratch(owned)
     number = len(lent.actions)

@@ -20,7 +20,7 @@ from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled_in_place
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits, Numbers
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits, LimitValues
 from ferguson_gym.world.outcome import Outcome
 
 
@@ -88,7 +88,7 @@ def first_failure(
     bounds: Array,
     columns: Array,
     radii: Array,
-    limits: Numbers,
+    limits: LimitValues,
     below: float,
     scratch: Scratch,
 ) -> tuple[int, float, float]:
@@ -131,8 +131,8 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
         ValueError: a control array of the wrong shape or not finite.
 
     Example:
-        >>> from ferguson_gym.world.field_names import one
-        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], one("paper:2"))
+        >>> from ferguson_gym.world.field_names import get_field
+        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], get_field("paper:2"))
         >>> found.outcome().sentence
         'still on its way'
     """
@@ -167,9 +167,9 @@ def is_feasible(
         tolerance: instead of the limits' own [m]; planners aim for less.
 
     Example:
-        >>> from ferguson_gym.world.field_names import one
+        >>> from ferguson_gym.world.field_names import get_field
         >>> bend, long = [[0, 0], [9, 3], [9, 0], [9, 6]], [[0, 0], [20, 0], [20, 0], [20, 0]]
-        >>> is_feasible([bend, long], one("paper:2")).tolist()
+        >>> is_feasible([bend, long], get_field("paper:2")).tolist()
         [True, False]
     """
     allowed = limits.tolerance if tolerance is None else tolerance

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite, frozen, real
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs, Obstacles
 
@@ -158,7 +158,7 @@ def to_json(field: Field, path: str | os.PathLike[str]) -> None:
         "bounds": field.bounds.tolist(),
         "start_derivative": field.departure.tolist(),
     }
-    with written_whole(path) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 

@@ -8,7 +8,7 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 
-from ferguson_gym.runtime.arrays import shortened
+from ferguson_gym.runtime.arrays import truncate_repr
 from ferguson_gym.world.field import Field, from_json
 from ferguson_gym.world.paper_fields import paper_field
 from ferguson_gym.world.suites import SPLITS, SUITES, suite_field
@@ -25,7 +25,7 @@ _PATH = 300
 """Characters of a path that an error shows."""
 
 
-def select(spec: str) -> Iterator[Field]:
+def get_fields(spec: str) -> Iterator[Field]:
     """The fields that a specification names, one at a time.
 
     Bad specifications raise here, before the first field is drawn; files are read as they
@@ -35,7 +35,7 @@ def select(spec: str) -> Iterator[Field]:
         ValueError: an unknown suite, split, file or an empty range.
 
     Example:
-        >>> [field.name for field in select("paper:1-4")]
+        >>> [field.name for field in get_fields("paper:1-4")]
         ['paper:1', 'paper:2', 'paper:3', 'paper:4']
     """
     if not spec:
@@ -46,24 +46,24 @@ def select(spec: str) -> Iterator[Field]:
     except OSError:  # a name too long for a file
         files = None
     if files == []:
-        raise ValueError(f"no JSON files in directory {shortened(spec, _PATH)}")
+        raise ValueError(f"no JSON files in directory {truncate_repr(spec, _PATH)}")
     if files is not None:
         return map(from_json, files)
     match = _NAMED.fullmatch(spec)
     if match is None:
         if path.suffix == ".json":
-            raise ValueError(f"no such field file: {shortened(spec, _PATH)}")
-        raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
+            raise ValueError(f"no such field file: {truncate_repr(spec, _PATH)}")
+        raise ValueError(f"unknown field {truncate_repr(spec)}: {GRAMMAR}")
     first = int(match["first"])
     last = int(match["last"] or first)
     if first > last:
-        raise ValueError(f"empty range in {shortened(spec)}: {first} is above {last}")
+        raise ValueError(f"empty range in {truncate_repr(spec)}: {first} is above {last}")
     if match["family"] == "paper":
         draw = paper_field
     else:
         suite, slash, split = match["family"].partition("/")
         if not slash:
-            raise ValueError(f"unknown field {shortened(spec)}: {GRAMMAR}")
+            raise ValueError(f"unknown field {truncate_repr(spec)}: {GRAMMAR}")
         draw = partial(suite_field, suite, split)
     lowest = draw(first)
     if last > first:
@@ -82,33 +82,34 @@ def family(spec: str) -> tuple[str, range]:
     Such names mean the same fields everywhere and always; files may change.
 
     Raises:
-        ValueError: as `select`, or it names files.
+        ValueError: as `get_fields`, or it names files.
     """
-    select(spec)
+    get_fields(spec)
     match = _NAMED.fullmatch(spec)
     if match is None or Path(spec).exists():
         raise ValueError(
-            f"{shortened(spec)} is a file, which may change; need fields of a suite or of the paper"
+            f"{truncate_repr(spec)} is a file, which may change; "
+            "need fields of a suite or of the paper"
         )
     first = int(match["first"])
     return match["family"], range(first, int(match["last"] or first) + 1)
 
 
-def one(spec: str) -> Field:
+def get_field(spec: str) -> Field:
     """The single field that a specification names.
 
     Raises:
-        ValueError: as `select`, or if it names more than one field.
+        ValueError: as `get_fields`, or if it names more than one field.
 
     Example:
-        >>> field = one("traps/validation:7")
+        >>> field = get_field("traps/validation:7")
         >>> len(field.obstacles), field.goal.tolist()
         (84, [100.0, 100.0])
     """
-    fields = select(spec)
+    fields = get_fields(spec)
     field = next(fields)
     if next(fields, None) is not None:
-        raise ValueError(f"{shortened(spec)} names more than one field")
+        raise ValueError(f"{truncate_repr(spec)} names more than one field")
     return field
 
 
@@ -118,7 +119,7 @@ def as_field(given: object) -> Field:
     Raises:
         ValueError: neither, or an unknown name.
     """
-    field = one(given) if isinstance(given, str) else given
+    field = get_field(given) if isinstance(given, str) else given
     if not isinstance(field, Field):
         raise ValueError(
             f"options['field'] must be a Field or the name of one, got {type(given).__name__}"

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ferguson_gym.runtime.arrays import finite
 
 
-class Numbers(NamedTuple):
+class LimitValues(NamedTuple):
     """The fields of `Limits`, for compiled functions."""
 
     shortest: float
@@ -62,9 +62,9 @@ class Limits:
         if self.segments < 1:
             raise ValueError(f"a flight needs at least 1 segment, got {self.segments}")
 
-    def numbers(self) -> Numbers:
+    def numbers(self) -> LimitValues:
         """The limits as kernels take them."""
-        return Numbers(
+        return LimitValues(
             float(self.shortest),
             float(self.longest),
             float(self.slowest),

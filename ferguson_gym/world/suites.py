@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from ferguson_gym.runtime.arrays import Array, shortened
-from ferguson_gym.runtime.suggestions import meant
+from ferguson_gym.runtime.arrays import Array, truncate_repr
+from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field import GOAL, START, Field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
@@ -125,14 +125,18 @@ def check_suite(suite: str, split: str) -> None:
         ValueError: an unknown suite or split.
     """
     if suite not in SUITES:
-        near = meant(str(suite), SUITES)
-        raise ValueError(f"unknown suite {shortened(suite)}{near}; suites are {', '.join(SUITES)}")
+        near = did_you_mean(str(suite), SUITES)
+        raise ValueError(
+            f"unknown suite {truncate_repr(suite)}{near}; suites are {', '.join(SUITES)}"
+        )
     if split not in SPLITS:
-        near = meant(str(split), SPLITS)
-        raise ValueError(f"unknown split {shortened(split)}{near}; splits are {', '.join(SPLITS)}")
+        near = did_you_mean(str(split), SPLITS)
+        raise ValueError(
+            f"unknown split {truncate_repr(split)}{near}; splits are {', '.join(SPLITS)}"
+        )
 
 
-def altered(
+def with_overrides(
     suite: str, obstacles: int | None = None, radii: tuple[float, float] | None = None
 ) -> Scattered:
     """A suite's recipe with another number of obstacles or other radii (least, greatest) [m].
@@ -146,7 +150,9 @@ def altered(
     """
     recipe = SUITES[suite]
     if not isinstance(recipe, Scattered):
-        raise ValueError(f"the obstacles of suite {shortened(suite)} are fixed: they form pockets")
+        raise ValueError(
+            f"the obstacles of suite {truncate_repr(suite)} are fixed: they form pockets"
+        )
     if obstacles is not None:
         if obstacles < 0:
             raise ValueError(f"a field has 0 obstacles or more, got {obstacles}")

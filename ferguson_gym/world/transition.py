@@ -59,7 +59,7 @@ class Follow(Protocol):
         """Fly to the end of a segment (4, 2) from a state; refuse it if it is not feasible."""
 
 
-def depart(field: Field) -> State:
+def initial_state(field: Field) -> State:
     """The state at the start of a field.
 
     Raises:
@@ -79,9 +79,9 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
         ValueError: an action of another shape, not finite or outside [-1, 1].
 
     Example:
-        >>> from ferguson_gym.world.field_names import one
-        >>> field = one("sparse/train:0")
-        >>> step = advance(field, depart(field), np.zeros(4))  # 9 m straight ahead
+        >>> from ferguson_gym.world.field_names import get_field
+        >>> field = get_field("sparse/train:0")
+        >>> step = advance(field, initial_state(field), np.zeros(4))  # 9 m straight ahead
         >>> step.outcome.sentence, step.state.position.round(3).tolist()
         ('still on its way', [6.364, 6.364])
     """
@@ -137,7 +137,9 @@ def _step(
     return Step(control=control, inspection=inspection, state=state, outcome=outcome)
 
 
-def follow(field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS) -> Step:
+def fly_segment(
+    field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
+) -> Step:
     """Fly to the end of a segment as an action does it, rounded to float32.
 
     Planners commit to segments through this function, so that a planned flight and the

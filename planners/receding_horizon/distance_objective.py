@@ -8,7 +8,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo, depart
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, depart
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 from ferguson_gym.shortest_paths.tangents import Scene
 
@@ -31,7 +31,7 @@ class ToGoObjective:
     derivatives are those of one of them.
     """
 
-    togo: DistanceToGo
+    togo: DistanceToGoal
 
     @property
     def tip(self) -> None:

@@ -29,7 +29,7 @@ from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
 from planners.optimization.initial_guesses import along
 from planners.optimization.objectives import LengthObjective
-from planners.optimization.sqp.multi_start import MultiStart, beside
+from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.sqp.turn_contacts import WIDER
 from planners.optimization.window import ASIDE, STIFFNESS, Window, WindowSettings, final_window
 from planners.receding_horizon.distance_objective import ToGoObjective
@@ -106,7 +106,7 @@ class Guided:
             ways.append((rank, points))
             for window, guess in self._along(field, vehicle, points, path.length):
                 yield Start(f"class {rank}", window, guess)
-                for side in beside(guess, ASIDE):
+                for side in offset_guesses(guess, ASIDE):
                     yield Start(f"beside class {rank}", window, side)
         for rank, points in ways:
             for route in self._turned(vehicle, points):
@@ -171,7 +171,7 @@ class Guided:
 
     def _flies(self, field: Field, vehicle: transition.State, segment: Array) -> bool:
         """Whether a segment can be flown, rounded as actions are."""
-        step = transition.follow(field, vehicle, segment, self.limits)
+        step = transition.fly_segment(field, vehicle, segment, self.limits)
         return step.flown and self._turns(step.control)
 
     def _turns(self, segment: Array) -> bool:

@@ -67,14 +67,14 @@ class RecedingHorizon:
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
-    follow: transition.Follow = transition.follow
+    follow: transition.Follow = transition.fly_segment
     """How segments are flown: as the environment's actions, `flight.follow_exactly` without."""
     deadline: float = math.inf
     """Time [s] for a decision. When it has passed, the best certified chain found so far is
     flown, or what is left of the last; results then depend on the machine."""
 
     def __post_init__(self) -> None:
-        reach = REACH if self.follow is transition.follow else math.inf
+        reach = REACH if self.follow is transition.fly_segment else math.inf
         if self.limits.longest + self.limits.tolerance > reach:
             raise ValueError(
                 f"an action reaches {reach} m, too short for limits.longest = "

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
@@ -45,7 +45,7 @@ class Surroundings(NamedTuple):
 
     margins: Array
     """(n,) of the discs [m]."""
-    togo: DistanceToGo
+    togo: DistanceToGoal
     """Among the grown discs."""
 
 
@@ -97,7 +97,7 @@ class Pursuit:
         for chain in self._chains(field, vehicle):
             if not is_feasible(chain, field, self.limits).all():
                 continue
-            if transition.follow(field, vehicle, chain[0], self.limits).flown:
+            if transition.fly_segment(field, vehicle, chain[0], self.limits).flown:
                 seconds = time.perf_counter() - began
                 return Decision(chain, WindowReport(step=vehicle.segments, seconds=seconds))
         decision = self.rescue.decide(field, state, seed)
@@ -123,7 +123,7 @@ class Pursuit:
             return path
         discs = planar_discs(field)
         room = np.clip(discs.signed_distance(position) - _HAIR, 0.0, margins)
-        return DistanceToGo(replace(field, obstacles=discs.grown(room))).path(position)
+        return DistanceToGoal(replace(field, obstacles=discs.grown(room))).path(position)
 
 
 @lru_cache(maxsize=2)
@@ -144,7 +144,7 @@ def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
     room = discs.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
     most = np.minimum(0.45 * gaps.min(axis=1, initial=np.inf), room - _HAIR)
     margins = np.clip(most, 0.0, margin)
-    return Surroundings(margins, DistanceToGo(replace(field, obstacles=discs.grown(margins))))
+    return Surroundings(margins, DistanceToGoal(replace(field, obstacles=discs.grown(margins))))
 
 
 def _outside(field: Field, position: Array) -> Array | None:

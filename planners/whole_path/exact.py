@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from planners.interface import Route
@@ -15,7 +15,7 @@ SPACING = 0.25
 
 
 @dataclass(frozen=True, slots=True)
-class Exact:
+class ShortestPathRouter:
     """The shortest path as a route."""
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
@@ -25,7 +25,7 @@ class Exact:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        path = DistanceToGo(field).path(vehicle.position)
+        path = DistanceToGoal(field).path(vehicle.position)
         if path is None:
             return None
         found = time.perf_counter() - began, path.length

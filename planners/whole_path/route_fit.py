@@ -17,7 +17,7 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
 from planners.optimization.initial_guesses import along
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
-from planners.optimization.sqp.multi_start import MultiStart, beside
+from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import ASIDE, SETTINGS, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
@@ -63,7 +63,7 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         window = final_window(field, vehicle, limits, SETTINGS, segments)
         on_route = along(vehicle, points, segments, whole)
         # a guess on a straight line cannot choose a side to be long enough on
-        for guess in (on_route, *beside(on_route, ASIDE)):
+        for guess in (on_route, *offset_guesses(on_route, ASIDE)):
             (end,) = SOLVER.solve(window, [guess])
             if end.feasible:
                 return end.control

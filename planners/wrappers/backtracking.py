@@ -25,12 +25,12 @@ from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import follow
+from ferguson_gym.world.transition import fly_segment
 from planners.interface import Decision, Plan, Replanner, State
 from planners.optimization.certification import WindowSolver
 from planners.optimization.initial_guesses import along
 from planners.optimization.objectives import HorizonObjective
-from planners.optimization.sqp.multi_start import MultiStart, beside
+from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import ASIDE, SETTINGS, Window, WindowSettings, horizon_window
 from planners.rollout import roll_out
 
@@ -90,7 +90,10 @@ class Backtracking:
             return None
         for window, guess in self._ways_back(field, state):
             (end,) = self.solver.solve(window, [guess])
-            if end.feasible and follow(field, state.vehicle, end.control[0], self.limits).flown:
+            if (
+                end.feasible
+                and fly_segment(field, state.vehicle, end.control[0], self.limits).flown
+            ):
                 return end.control
         return None
 
@@ -103,7 +106,7 @@ class Backtracking:
             toward = HorizonObjective(vehicle.position, guess[-1, 1], self.settings.alpha)
             window = horizon_window(field, vehicle, self.limits, self.settings, segments)
             window = dataclasses.replace(window, objective=toward)
-            for turn in (guess, *beside(guess, ASIDE)):
+            for turn in (guess, *offset_guesses(guess, ASIDE)):
                 yield window, turn
 
 

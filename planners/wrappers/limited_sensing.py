@@ -18,7 +18,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import follow
+from ferguson_gym.world.transition import fly_segment
 from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 
@@ -65,7 +65,7 @@ class Sensing:
         chain = decision.chain
         if chain is not None and not self._leaves_room(seen, chain[0]):
             halves = _halved(chain[0])
-            flown = follow(seen, state.vehicle, halves[0], self.limits).flown
+            flown = fly_segment(seen, state.vehicle, halves[0], self.limits).flown
             if flown and is_feasible(halves[1], seen, self.limits):
                 chain = np.concatenate([halves, chain[1:]])
         report = replace(decision.report, seconds=time.perf_counter() - began)

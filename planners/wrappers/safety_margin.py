@@ -16,7 +16,7 @@ import numpy as np
 
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import follow
+from ferguson_gym.world.transition import fly_segment
 from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 
@@ -59,7 +59,7 @@ class Margin:
             shown = grown(field, state, part * self.margin)
             decision = self.planner.decide(shown, state, seed)
             chain = decision.chain
-            if chain is not None and follow(field, state.vehicle, chain[0], self.limits).flown:
+            if chain is not None and fly_segment(field, state.vehicle, chain[0], self.limits).flown:
                 break
         report = replace(decision.report, seconds=time.perf_counter() - began)
         return replace(decision, report=report)

@@ -9,7 +9,7 @@ from ferguson_gym.world.actions import check_action, decode, encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.outcome import Outcome
-from ferguson_gym.world.transition import State, advance, advance_all, follow
+from ferguson_gym.world.transition import State, advance, advance_all, fly_segment
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import ACTIONS, NO_ARRAYS, arrays, fields, laid_out, segments, vehicles
 
@@ -84,5 +84,5 @@ def test_a_step_has_one_outcome_whatever_the_state(
         assert step.state is vehicle
         return
     assert (step.inspection.slack(PAPER_LIMITS) >= -PAPER_LIMITS.tolerance).all()
-    again = follow(field, vehicle, step.control)
+    again = fly_segment(field, vehicle, step.control)
     np.testing.assert_allclose(again.control, step.control, rtol=0.0, atol=1e-4)

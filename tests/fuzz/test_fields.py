@@ -120,7 +120,7 @@ def test_a_file_holds_a_sound_field_or_is_refused(place: Path, text: bytes) -> N
         field = attempt(from_json, place)
         if field is not None:
             is_sound(field)
-        by_name = attempt(field_names.one, str(place))
+        by_name = attempt(field_names.get_field, str(place))
     assert (field is None) == (by_name is None)
 
 
@@ -153,11 +153,11 @@ WORDS = st.sampled_from(
     spec=st.lists(WORDS, max_size=7).map("".join) | st.text(max_size=12) | st.just("x" * 4000),
 )
 def test_a_name_is_known_or_refused(spec: str) -> None:
-    chosen = attempt(field_names.select, spec, errors=(ValueError, OSError))
+    chosen = attempt(field_names.get_fields, spec, errors=(ValueError, OSError))
     first = None if chosen is None else attempt(next, chosen)  # which may be a file of another kind
     if first is not None:
         is_sound(first)
-    alone = attempt(field_names.one, spec, errors=(ValueError, OSError))
+    alone = attempt(field_names.get_field, spec, errors=(ValueError, OSError))
     if alone is not None:
         assert chosen is not None
     drawn = attempt(field_names.family, spec, errors=(ValueError, OSError))
@@ -192,7 +192,7 @@ def test_a_directory_is_read_or_refused(
     with warnings.catch_warnings(), np.errstate(all="ignore"):
         warnings.simplefilter("ignore", UserWarning)
         try:
-            found = attempt(lambda: list(field_names.select(str(directory))))
+            found = attempt(lambda: list(field_names.get_fields(str(directory))))
         except OSError as error:
             assert error.filename  # noqa: PT017 (which other errors are faults)
             found = None
@@ -220,7 +220,7 @@ def test_an_altered_suite_draws_sound_fields_or_is_refused(
         suite not in suites.SUITES or split not in suites.SPLITS
     ):
         return
-    recipe = attempt(suites.altered, suite, obstacles, radii)
+    recipe = attempt(suites.with_overrides, suite, obstacles, radii)
     discs = attempt(suites.suite_discs, suite, split, seed, recipe)
     if discs is not None:
         is_sound(Field(name="drawn", obstacles=discs))

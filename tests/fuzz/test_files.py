@@ -312,7 +312,7 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
     )
 
     def prepare() -> Any:
-        if training.left_off(asked) and training.finished(asked):
+        if training.can_resume(asked) and training.finished(asked):
             return None
         return chosen.trainer().prepare(asked)
 

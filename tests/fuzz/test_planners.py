@@ -9,7 +9,7 @@ import pytest
 from hypothesis import strategies as st
 
 from ferguson_gym.curves.splines import derivative, evaluate
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
@@ -163,7 +163,7 @@ def test_options_fit_or_are_refused(
 def test_a_distance_to_go_is_at_least_the_straight_one(
     field: Field, points: list[tuple[float, float]], far: float
 ) -> None:
-    togo = DistanceToGo(field)
+    togo = DistanceToGoal(field)
     distance, gradient = togo(points)
     assert isinstance(field.obstacles, Discs)
     size = float(np.abs(field.bounds).max()) + float(field.obstacles.radii.max(initial=0.0))

@@ -8,7 +8,7 @@ from typing import Any
 import matplotlib as mpl
 import pytest
 
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 
 pytest.importorskip("stable_baselines3")
 CURVE = "steps,minutes,success,spl,gap\n0,0.5,0.0,0.0,\n1000,1.5,1.0,0.98,0.01\n"
@@ -47,7 +47,7 @@ def test_failures_are_drawn_and_told(
     fields = ["--fields", "standard/validation:4"]
     run(picture, monkeypatch, "flights", *policies, *fields, "--out", str(out))
     text = out.read_text()
-    assert one("standard/validation:4").name in text
+    assert get_field("standard/validation:4").name in text
     assert "single-start: gave up, 0.0 m" in text
     assert "guided: 151.1" in text
 

@@ -20,9 +20,9 @@ from agents.policies.registry import make_policy
 from ferguson_gym.curves.path import Path as Curve
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import depart
+from planners.interface import initial_state
 from tests.support.places import ROOT
 
 EXAMPLES = ROOT / "examples"
@@ -70,11 +70,11 @@ def test_the_hand_written_rule_arrives_in_nine_fields_of_ten(run: Run) -> None:
 def test_the_own_planner_flies_what_it_plans_and_is_measured_as_others(run: Run) -> None:
     names, text = run("own_planner.py", "--fields", "standard/train:0-3", "--beside", "guided")
     planner = names["Shooting"]()
-    fields = list(select("standard/train:0-3"))
+    fields = list(get_fields("standard/train:0-3"))
     gaps = []
     for field in fields:
         flight = fly(expert(planner), "shooting", field, seed=0)
-        plan = planner.plan(field, depart(field), 0)
+        plan = planner.plan(field, initial_state(field), 0)
         assert flight.control.tobytes() == plan.control.tobytes()
         assert is_feasible(flight.control, field).all()
         if flight.success:
@@ -134,7 +134,7 @@ def test_the_town_is_flown_without_touching_a_wall(run: Run) -> None:
     assert "14 of 14 segments certified feasible" in text
     assert_drawn("results/examples/town.png")
 
-    field = one("results/examples/town.json")
+    field = get_field("results/examples/town.json")
     assert shortest_path(field).length == pytest.approx(exact[1], abs=0.006)
     flight = fly(make_policy("guided"), "guided", field, seed=0)
     assert names["from_walls"](Curve(flight.control).points(200), walls).min() >= -1e-5

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from ferguson_gym.curves.arc_length import length
-from ferguson_gym.world.field_names import one
-from planners.interface import depart
+from ferguson_gym.world.field_names import get_field
+from planners.interface import initial_state
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def claims(benchmark: Callable[[str], Any]) -> Any:
 
 
 def test_every_variant_flies_and_each_is_held_against_its_reference(claims: Any) -> None:
-    flights = [claims.fly(one(f"sparse/train:{k}"), k, 2) for k in range(2)]
+    flights = [claims.fly(get_field(f"sparse/train:{k}"), k, 2) for k in range(2)]
     # those by SLSQP fly a tenth of the fields, and the first of them in any case
     assert set(flights[0]) == set(claims.variants())
     assert {name for name in flights[0] if "SLSQP" in name} == set(flights[0]) - set(flights[1])
@@ -50,8 +50,8 @@ def test_a_failure_counts_in_success_and_spl_and_is_compared_in_neither_length_n
 
 
 def test_a_random_guess_alone_never_flies_what_the_shifted_plan_leads_to(claims: Any) -> None:
-    field = one("standard/train:0")
-    plan = claims.variants()["random"].planner.plan(field, depart(field), 0)
+    field = get_field("standard/train:0")
+    plan = claims.variants()["random"].planner.plan(field, initial_state(field), 0)
     used = {decision.report.start for decision in plan.decisions if decision.chain is not None}
     assert used <= {"random 1", "planned"}
     assert "random 1" in used
@@ -59,7 +59,7 @@ def test_a_random_guess_alone_never_flies_what_the_shifted_plan_leads_to(claims:
 
 @pytest.mark.parametrize("name", ["7.5 m", "20 m", "30 m"])
 def test_segments_are_as_long_as_the_variant_says(claims: Any, name: str) -> None:
-    field = one("sparse/train:0")
-    plan = claims.variants()[name].planner.plan(field, depart(field), 0)
+    field = get_field("sparse/train:0")
+    plan = claims.variants()[name].planner.plan(field, initial_state(field), 0)
     assert plan.success
     assert length(plan.control).max() == pytest.approx(float(name.removesuffix(" m")), abs=2e-5)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import CrashedError, Iterations, Plan, Route, Seconds, State
-from planners.whole_path.exact import Exact
+from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.planner import WholePath
 
 
@@ -17,7 +17,7 @@ class Searching:
     budget: Iterations | Seconds = dataclasses.field(default_factory=lambda: Iterations(3))
 
     def route(self, field: Field, vehicle: Vehicle, seed: int) -> Route | None:
-        route = Exact().route(field, vehicle, seed)
+        route = ShortestPathRouter().route(field, vehicle, seed)
         if route is None:
             return None
         # told in thousandths of a second for each iteration, or of its budget of seconds
@@ -49,7 +49,7 @@ class Faulty:
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         if field.name == "sparse/train:1":
             raise TypeError("no such thing")
-        return WholePath(router=Exact()).plan(field, state, seed)
+        return WholePath(router=ShortestPathRouter()).plan(field, state, seed)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class Lying:
     """Reports a path without its last segment as solved."""
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        plan = WholePath(router=Exact()).plan(field, state, seed)
+        plan = WholePath(router=ShortestPathRouter()).plan(field, state, seed)
         return replace(plan, control=plan.control[:-1])
 
 

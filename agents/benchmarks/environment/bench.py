@@ -24,7 +24,7 @@ from agents.benchmarks.environment.drivers import DEVIATION, Entry, Slice
 from agents.runtime import provenance, terminal_tables
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.runtime.optional_dependencies import installing
 
 
@@ -80,7 +80,7 @@ def bench(entries: Sequence[Entry], request: Request, out: Path | None, terminal
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write(slices, out / "steps.csv")
-        with written_whole(out / "summary.json") as temporary:
+        with atomic_write(out / "summary.json") as temporary:
             temporary.write_text(json.dumps(report, indent=2) + "\n")
         terminal.note(f"wrote steps.csv, summary.json to {out}")
 
@@ -157,7 +157,7 @@ def _spread(rounds: Array) -> dict[str, float]:
 
 def write(slices: Slices, path: Path) -> None:
     """A row for each slice."""
-    with written_whole(path) as temporary, temporary.open("w", newline="") as file:
+    with atomic_write(path) as temporary, temporary.open("w", newline="") as file:
         writer = csv.writer(file)
         writer.writerow([*Row._fields, "round", *Slice._fields])
         for row, measured in slices.items():

@@ -17,11 +17,11 @@ from rich.text import Text
 
 from agents.benchmarks.planners import ompl_log, plots
 from agents.benchmarks.planners.runs import FALSE_SUCCESS, LIBRARIES, Run, runs
-from agents.evaluation import results
 from agents.flights import metrics
 from agents.runtime import provenance, terminal_tables
+from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
 
 COLUMNS = (
@@ -76,7 +76,7 @@ def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
     try:
         finished.extend(_runs(request, terminal))
     finally:  # of what is interrupted, the rows are kept
-        results.write_csv(out / "planners.csv", COLUMNS, map(row, finished))
+        write_csv(out / "planners.csv", COLUMNS, map(row, finished))
     total = time.perf_counter() - clock
     report = summary(finished, request)
     _write(out / "planners.log", ompl_log.write(finished, began, total, request.seconds))
@@ -105,7 +105,7 @@ def _runs(request: Request, terminal: Terminal) -> Iterator[Run]:
 
 
 def _write(path: Path, lines: Iterable[str]) -> None:
-    with written_whole(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         file.writelines(f"{line}\n" for line in lines)
 
 

@@ -22,7 +22,7 @@ from agents.flights.metrics import best_so_far, quantile, share_within
 from ferguson_gym.curves.path import Path
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.shortest_paths.exact import gap
 
 LEAST_GAP = 1e-5
@@ -104,7 +104,7 @@ def _figure(path: FilePath, width: float, height: float) -> Iterator[Figure]:
         figure = Figure(figsize=(width, height), layout="constrained")
         FigureCanvasAgg(figure)
         yield figure
-        with written_whole(path) as temporary:
+        with atomic_write(path) as temporary:
             figure.savefig(temporary)
 
 

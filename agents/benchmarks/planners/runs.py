@@ -12,7 +12,7 @@ import numpy as np
 from joblib import delayed
 
 from agents.policies.warm_up import warm
-from agents.runtime.worker_processes import spread
+from agents.runtime.worker_processes import map_in_processes
 from ferguson_gym.curves.path import Path
 from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
@@ -20,7 +20,7 @@ from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world.feasibility import inspect, is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from planners.interface import Plan, Route, Status, depart
+from planners.interface import Plan, Route, Status, initial_state
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
 """What plans depend on."""
@@ -141,7 +141,7 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     try:
         planner = warm(name, seconds)
         began = time.perf_counter()
-        plan = planner.plan(field, depart(field), seed)
+        plan = planner.plan(field, initial_state(field), seed)
         elapsed = time.perf_counter() - began
     except Exception as error:
         error.add_note(f"while {name} planned the field {field.name} with seed {seed}")
@@ -194,4 +194,4 @@ def runs(
     """
     tasks = itertools.product(fields, seeds, planners)
     calls = (delayed(run)(name, seconds, field, seed) for field, seed, name in tasks)
-    return spread(calls, workers, in_order=True, afterwards=_AFTERWARDS)
+    return map_in_processes(calls, workers, in_order=True, afterwards=_AFTERWARDS)

@@ -265,7 +265,7 @@ def _by_name(name: str) -> Field | None:
     """A field that its name alone says how to draw; never a file, which may be another."""
     try:
         field_names.family(name)
-        return field_names.one(name)
+        return field_names.get_field(name)
     except ValueError:
         return None
 

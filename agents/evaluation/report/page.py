@@ -13,7 +13,7 @@ from agents.evaluation.report.flight_browser import BUDGET, browser
 from agents.evaluation.statistics import caution, summary
 from agents.evaluation.summary import timed
 from ferguson_gym.runtime.arrays import LARGEST
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
 
@@ -67,7 +67,7 @@ def write_report(
         "provenance": dict(_flat("", held)),
         "browser": browser(flights, directory, fields or {}, budget),
     }
-    with written_whole(directory / REPORT) as temporary:
+    with atomic_write(directory / REPORT) as temporary:
         temporary.write_text(page(data), encoding="utf-8")
 
 

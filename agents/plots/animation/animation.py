@@ -19,12 +19,12 @@ from matplotlib.transforms import Affine2D
 from rich.progress import Progress
 
 from agents.flights.flight import Flight
-from agents.plots.animation.frames import Shot, shots
+from agents.plots.animation.frames import Shot, frames_of
 from agents.plots.animation.gif import Frame, Palette, write_gif
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
 
@@ -125,12 +125,12 @@ class Painter:
         _write(self._figure, axes, shot.caption, "right")
 
 
-def _distance_to_go(field: Field) -> DistanceToGo | None:
+def _distance_to_go(field: Field) -> DistanceToGoal | None:
     """None among other obstacles than discs in the plane."""
-    return DistanceToGo(field) if isinstance(field.obstacles, Discs) else None
+    return DistanceToGoal(field) if isinstance(field.obstacles, Discs) else None
 
 
-def _draw_levels(axes: Axes, field: Field, togo: DistanceToGo) -> None:
+def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:
     """Bands and lines of equal distance to the goal, the lighter the farther."""
     x, y = (np.linspace(low, high, _CELLS) for low, high in field.bounds.T)
     points = np.stack(np.meshgrid(x, y), axis=-1)
@@ -176,7 +176,7 @@ def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]
 
 def animate(flight: Flight, path: Path, progress: Progress) -> int:
     """Write a flight as a GIF; returns the number of frames."""
-    told = list(shots(flight))
+    told = list(frames_of(flight))
     surveyed = all(shot.known is None for shot in told)
     title = f"{flight.policy} on {flight.field.name}"
     painter = Painter(flight.field, title, surveyed=surveyed)

@@ -62,7 +62,7 @@ class Shot:
     """The segment (4, 2) that ended the flight without being flown."""
 
 
-def shots(flight: Flight) -> Iterator[Shot]:
+def frames_of(flight: Flight) -> Iterator[Shot]:
     """The shots of a flight: in each window the search, its result, then on the move; the end."""
     control = flight.control
     lengths = length(control) if len(control) else np.empty(0)

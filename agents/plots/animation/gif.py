@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 
 SUFFIX = ".gif"
 COLOURS = 254
@@ -68,7 +68,7 @@ def write_gif(
     Frames are taken one by one; whatever they raise leaves no file, or the old one.
     """
     images = map(palette, frames)
-    with written_whole(path) as temporary, temporary.open("wb") as file:
+    with atomic_write(path) as temporary, temporary.open("wb") as file:
         next(images).save(
             file,
             format="GIF",

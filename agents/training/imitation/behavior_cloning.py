@@ -14,7 +14,7 @@ from typing import Any
 import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-from agents.training.imitation.dataset import Lesson
+from agents.training.imitation.dataset import ImitationSample
 from agents.training.imitation.mirror import mirrored
 from agents.training.imitation.violation_penalty import speed_of, violation
 
@@ -27,7 +27,7 @@ _DEAREST = 5.0
 learn nothing else."""
 
 
-class Cloner:
+class BehaviorCloning:
     """A learner, and the average of its weights over its last updates, which is what flies.
 
     Args:
@@ -42,7 +42,7 @@ class Cloner:
         self._optimizer = torch.optim.Adam(self.learner.parameters(), lr=0.0)
         self.learner.set_training_mode(True)
 
-    def update(self, lesson: Lesson, in_the_mirror: bool) -> dict[str, float]:
+    def update(self, lesson: ImitationSample, in_the_mirror: bool) -> dict[str, float]:
         """Learn from some lessons, as they are or in the mirror; what they cost."""
         seen, actions, discs = lesson.seen, lesson.actions, lesson.discs
         if in_the_mirror:

@@ -136,7 +136,7 @@ def _visit(asked: Visit, network: Network) -> Visited:
     for seed in asked.seeds:
         field = settings.field(seed)
         scattered = stream.random() < asked.scattered
-        vehicle = somewhere(field, stream) if scattered else transition.depart(field)
+        vehicle = somewhere(field, stream) if scattered else transition.initial_state(field)
         flights.append(_Flight(seed, field, vehicle))
     steps = failures = 0
     for one in flights:

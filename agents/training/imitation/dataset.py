@@ -27,7 +27,7 @@ _FIRST = 4096
 """Rows that there is room for at first; it doubles when it is used up."""
 
 
-class Lesson(NamedTuple):
+class ImitationSample(NamedTuple):
     """Some lessons at once."""
 
     seen: dict[str, Tensor]
@@ -45,7 +45,7 @@ def row(seed: int, vehicle: State, action: NDArray[np.float32]) -> list[float]:
     return [seed, *vehicle.position, *vehicle.derivative, vehicle.segments, *action, 0.0]
 
 
-class Lessons:
+class ImitationDataset:
     """All lessons so far, as a learner with these settings sees them."""
 
     def __init__(self, settings: Settings) -> None:
@@ -96,14 +96,14 @@ class Lessons:
             self._parts[key][self._number : self._number + number] = value
         self._number += number
 
-    def draw(self, stream: np.random.Generator, number: int, hard: float) -> Lesson:
+    def draw(self, stream: np.random.Generator, number: int, hard: float) -> ImitationSample:
         """So many lessons at random, a share of them near failures if there are any."""
         which = stream.integers(0, self._number, number)
         if len(self._hard):
             again = int(hard * number)
             which[:again] = self._hard[stream.integers(0, len(self._hard), again)]
         drawn = {key: torch.from_numpy(value[which]) for key, value in self._parts.items()}
-        return Lesson(
+        return ImitationSample(
             {key: value for key, value in drawn.items() if not key.startswith("_")},
             drawn["_actions"],
             drawn["_discs"].view(number, -1, 3),

@@ -120,7 +120,7 @@ def rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
     """
     for number, name in enumerate(flights.fields):
         field = as_field(name)
-        vehicle, told = transition.depart(field), []
+        vehicle, told = transition.initial_state(field), []
         for action in flights.actions[flights.offsets[number] : flights.offsets[number + 1]]:
             told.append(row(number, vehicle, action))
             step = transition.advance(field, vehicle, action)

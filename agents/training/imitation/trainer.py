@@ -26,26 +26,25 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch.utils.tensorboard import SummaryWriter
 
-from agents.cli.arguments import DONE
 from agents.models import networks
 from agents.models.model_card import Card
 from agents.models.torch_model import Learned
-from agents.runtime.jobs import Job
+from agents.runtime.jobs import DONE, Job
 from agents.training import run as training
-from agents.training.budget import Pace, Stop, stop_on_interrupt
+from agents.training.budget import Stop, TrainingBudget, stop_on_interrupt
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
-from agents.training.imitation.behavior_cloning import Cloner
+from agents.training.imitation.behavior_cloning import BehaviorCloning
 from agents.training.imitation.dagger_rollouts import Visit, Visited, under_way
-from agents.training.imitation.dataset import Lessons
+from agents.training.imitation.dataset import ImitationDataset
 from agents.training.learning_curve import Record
 from agents.training.run import Run
 from agents.training.sb3 import card_for, starting_model
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from planners.interface import Replanner
 from planners.registry import make
 
@@ -79,7 +78,7 @@ def prepare(run: Run) -> Job:
     start = None if run.start is None else starting_model(run)
     card = card_for(run, start)
     for spec in (run.chosen_on, run.reported_on):
-        select(spec)
+        get_fields(spec)
     if run.algorithm == "bc" and run.demos is None:
         raise ValueError("bc learns from demonstrations: name them with --demos DATASET_ID")
     demos = None if run.demos is None else demonstration_data.read(run.demos)
@@ -96,7 +95,7 @@ def prepare(run: Run) -> Job:
 
     def job() -> int:
         if known is None:
-            training.forget(run.directory)
+            training.delete_run(run.directory)
             training.begin(run)
         school.teach(known or Record(run, card, school.pace.steps))
         shutil.rmtree(run.directory / "checkpoint")
@@ -117,9 +116,9 @@ class _School:
         self._run, self._card = run, card
         self._told = {**SETTINGS, **run.recipe.learner}
         self._check()
-        self.pace = Pace(run.most_steps, run.minutes)
+        self.pace = TrainingBudget(run.most_steps, run.minutes)
         settings = settings_of(card.environment)
-        self._lessons, self._field = Lessons(settings), settings.field
+        self._lessons, self._field = ImitationDataset(settings), settings.field
         # PPO's networks, so that it can go on with them; none of its own learning is used here
         self._shell = PPO(
             cast(type[ActorCriticPolicy], networks.policy_class(run.algorithm, card.policy)),
@@ -157,7 +156,7 @@ class _School:
                 "step can be asked anywhere: pursuit or guided, for example"
             )
 
-    def _new_cloner(self) -> Cloner:
+    def _new_cloner(self) -> BehaviorCloning:
         given = self._told["learning_rate"]
         top = slope(given)
 
@@ -165,7 +164,7 @@ class _School:
             # a little is left at the end: what comes last should not be wasted
             return given if top is None else top * max(1.0 - self.pace.done, 0.02)
 
-        return Cloner(self._shell.policy, rate, self._told["violation"])
+        return BehaviorCloning(self._shell.policy, rate, self._told["violation"])
 
     def begin_with(self, start: Learned) -> None:
         """Know what a model knows."""
@@ -200,7 +199,7 @@ class _School:
             raise ValueError(
                 f"the checkpoint {self._place} cannot be read ({reason}); --fresh starts over"
             ) from None
-        self.pace = Pace(self._run.most_steps, self._run.minutes, steps, self._before)
+        self.pace = TrainingBudget(self._run.most_steps, self._run.minutes, steps, self._before)
         return True
 
     def _keep(self) -> None:
@@ -211,7 +210,7 @@ class _School:
             "steps": self.pace.steps,
             "seconds": self.pace.seconds,
         }
-        with written_whole(self._place / _STATE) as temporary:
+        with atomic_write(self._place / _STATE) as temporary:
             torch.save(state, temporary)
 
     def take_in(self, demos: demonstration_data.Demonstrations) -> None:
@@ -322,7 +321,7 @@ class _School:
         if stop.asked:
             return None
         every = np.concatenate(rows)
-        with written_whole(self._place / _ROWS.format(self._rounds)) as temporary:
+        with atomic_write(self._place / _ROWS.format(self._rounds)) as temporary:
             np.save(temporary, every)
         self._lessons.add(every, self._field)
         self._rounds += 1

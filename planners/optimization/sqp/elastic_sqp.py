@@ -31,7 +31,7 @@ from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
 from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion, expand
 from planners.optimization.sqp.filter import Filter
-from planners.optimization.sqp.lagrangian import hand_on, lagrangian
+from planners.optimization.sqp.lagrangian import lagrangian, warm_start_multipliers
 from planners.optimization.sqp.modified_ldl import make_definite
 from planners.optimization.sqp.turn_contacts import WIDER, too_sharp
 from planners.optimization.window import Window
@@ -68,7 +68,7 @@ class ElasticSqp:
 
 
 @dataclass(slots=True, eq=False)
-class Trail:
+class SearchState:
     """One start: where its search has come to."""
 
     x: Array
@@ -214,7 +214,7 @@ class Search:
         self.rows = elastic_qp.empty_rows(n, m, room)
         self.evaluations = 0
 
-    def start(self, guess: Array, bound: float) -> Trail:
+    def start(self, guess: Array, bound: float) -> SearchState:
         """Search from a guess (n, 4, 2), to give up where it cannot better `bound`.
 
         Raises:
@@ -222,11 +222,11 @@ class Search:
         """
         if not np.isfinite(guess).all():
             raise ValueError(f"a guess must be finite, got {guess}")
-        trail = Trail(np.clip(self.window.chain.unknowns(guess), *self.box), self.fresh)
+        trail = SearchState(np.clip(self.window.chain.unknowns(guess), *self.box), self.fresh)
         self.go_on(trail, bound)
         return trail
 
-    def go_on(self, trail: Trail, bound: float) -> None:
+    def go_on(self, trail: SearchState, bound: float) -> None:
         """Search from where a trail has come to."""
         began = time.perf_counter()
         self.layout, self.evaluations = trail.layout, 0
@@ -236,7 +236,7 @@ class Search:
         trail.rounds += 1
         trail.seconds += time.perf_counter() - began
 
-    def join(self, trail: Trail, chain: Array) -> bool:
+    def join(self, trail: SearchState, chain: Array) -> bool:
         """Take in the contacts that certification finds broken; whether that may help."""
         if trail.status not in (CONVERGED, OUTDONE):
             return False
@@ -247,7 +247,7 @@ class Search:
         trail.layout = trail.layout._replace(held=np.vstack([trail.layout.held, held]))
         return len(held) > 0
 
-    def _descend(self, trail: Trail, bound: float) -> tuple[_Point, str]:
+    def _descend(self, trail: SearchState, bound: float) -> tuple[_Point, str]:
         """Where a search ends, and how."""
         options = self.options
         radius, floor, precision = options.radius, options.floor, options.precision
@@ -323,7 +323,7 @@ class Search:
 
     def _differentiate(self, point: _Point, before: _Point, multipliers: Array) -> None:
         """The Lagrangian at a point, with the multipliers of the step that led there."""
-        hand_on(
+        warm_start_multipliers(
             before.expansion,
             self.rows.taken,
             multipliers,

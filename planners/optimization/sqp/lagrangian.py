@@ -12,7 +12,7 @@ from planners.optimization.sqp.turn_contacts import LEFT, add_turn_hessian
 
 
 @compiled
-def hand_on(
+def warm_start_multipliers(
     old: Expansion,
     taken: Integers,
     multipliers: Array,

@@ -18,7 +18,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from planners.optimization.certification import Certified, Solution, certify
 from planners.optimization.reference.exchange import ROUNDS
-from planners.optimization.sqp.elastic_sqp import CONVERGED, ElasticSqp, Search, Trail
+from planners.optimization.sqp.elastic_sqp import CONVERGED, ElasticSqp, Search, SearchState
 from planners.optimization.window import Window
 
 
@@ -55,7 +55,7 @@ class MultiStart:
         ends += _solve(workers, guesses[1:], _rank(ends[0]))
         best = min(ends, key=_rank)
         if self.sidesteps and best.feasible and time.perf_counter() < until:
-            sides = [chain for far in self.sidesteps for chain in beside(best.control, far)]
+            sides = [chain for far in self.sidesteps for chain in offset_guesses(best.control, far)]
             aside = _solve(workers, sides, best.solution.objective)
             ends[ends.index(best)] = replace(
                 min(best, *aside, key=_rank),
@@ -65,7 +65,7 @@ class MultiStart:
         return ends
 
 
-def beside(chain: Array, offset: float) -> list[Array]:
+def offset_guesses(chain: Array, offset: float) -> list[Array]:
     """Guesses to both sides of a chain (n, 4, 2), the farther the later, the end by `offset`."""
     along = chain[-1, 1] - chain[0, 0]
     across = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
@@ -102,13 +102,13 @@ def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) ->
     return ends
 
 
-def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[Trail]:
+def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[SearchState]:
     """One trail for each guess; each worker takes every so-many-th."""
     count = len(workers)
     if count == 1:
         return [workers[0].start(guess, bound) for guess in guesses]
 
-    def share(worker: int) -> list[Trail]:
+    def share(worker: int) -> list[SearchState]:
         return [workers[worker].start(guess, bound) for guess in guesses[worker::count]]
 
     with ThreadPoolExecutor(count) as pool:
@@ -116,7 +116,7 @@ def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -
     return [shares[index % count][index // count] for index in range(len(guesses))]
 
 
-def _end(trail: Trail, chain: Array, feasible: bool, seconds: float) -> Certified:
+def _end(trail: SearchState, chain: Array, feasible: bool, seconds: float) -> Certified:
     solution = Solution(
         x=trail.x,
         objective=trail.objective,

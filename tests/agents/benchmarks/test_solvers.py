@@ -9,10 +9,10 @@ import pytest
 from agents.benchmarks.solvers import Solved, excess, take_windows
 from agents.cli.main import main
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.transition import initial_state
 from planners.optimization.initial_guesses import straight
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.ipopt import Ipopt
@@ -79,7 +79,7 @@ def test_a_file_in_the_place_of_results_is_refused(
 
 def test_windows_are_those_of_the_flights_in_order() -> None:
     planner = RecedingHorizon(random_starts=2)
-    tasks = take_windows(planner, select("sparse/train:0-1"), 9)
+    tasks = take_windows(planner, get_fields("sparse/train:0-1"), 9)
     fields = [task.window.field.name for task in tasks]
     assert fields == sorted(fields)
     assert len({task.name for task in tasks}) == 9
@@ -93,7 +93,7 @@ def test_windows_are_those_of_the_flights_in_order() -> None:
 
 def test_too_few_windows_are_an_error() -> None:
     with pytest.raises(ValueError, match=r"these fields have \d+ windows, 500 are asked"):
-        take_windows(RecedingHorizon(random_starts=0), select("sparse/train:0"), 500)
+        take_windows(RecedingHorizon(random_starts=0), get_fields("sparse/train:0"), 500)
 
 
 def test_an_excess_is_relative_to_the_best_of_all_or_to_the_gate() -> None:
@@ -115,8 +115,8 @@ def test_ipopt_and_slsqp_reach_the_same_minimum() -> None:
     pytest.importorskip("casadi")
     discs = Discs([[9.0, 7.0]], [2.0])
     field = Field(name="easy", obstacles=discs, goal=np.array([20.0, 20.0]))
-    window = final_window(field, depart(field), PAPER_LIMITS, WindowSettings(), 3)
-    guess = straight(depart(field), 3, PAPER_LIMITS)
+    window = final_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
+    guess = straight(initial_state(field), 3, PAPER_LIMITS)
     ends = [ByExchange(solver).solve(window, [guess])[0] for solver in (Ipopt(), Slsqp())]
     assert all(end.feasible for end in ends)
     ipopt, slsqp = (end.solution.objective for end in ends)

@@ -14,7 +14,7 @@ from agents.cli import plan_report
 from agents.cli.main import main
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import to_json
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from planners.interface import Route
 from planners.registry import make
 
@@ -50,7 +50,7 @@ def test_plan_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert report["gap"] == pytest.approx(report["length"] / 144.845765 - 1.0)
     control = np.array(report["control"])
     assert control.shape == (report["segments"], 4, 2)
-    assert is_feasible(control, one("paper:1")).all()
+    assert is_feasible(control, get_field("paper:1")).all()
     assert len(report["step_seconds"]) == report["segments"]
     assert sum(report["step_seconds"]) <= report["wall_seconds"]
 
@@ -124,7 +124,7 @@ def test_a_plan_along_a_route_tells_of_the_route(capsys: pytest.CaptureFixture[s
 
 
 def test_a_route_that_is_not_the_shortest_says_by_how_much() -> None:
-    report = plan_report.plan(make("shortest"), "slow", one("sparse/train:0"), 0)
+    report = plan_report.plan(make("shortest"), "slow", get_field("sparse/train:0"), 0)
     exact = report.flight.exact_length
     assert exact is not None
     route = Route(
@@ -298,7 +298,7 @@ def test_odd_names_of_fields_are_shown_as_they_are(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "[red]a$x^$.json"
-    to_json(one("sparse/train:0"), path)
+    to_json(get_field("sparse/train:0"), path)
     picture = tmp_path / ("p" * 240 + ".png")
     command = ["plan", str(path), "--planner", "single-start", "--plot", str(picture)]
     assert main(command) == 0
@@ -311,7 +311,7 @@ def test_odd_names_of_fields_are_shown_as_they_are(
 
 def test_unknown_keys_of_a_field_are_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "town.json"
-    to_json(one("sparse/train:0"), path)
+    to_json(get_field("sparse/train:0"), path)
     path.write_text(json.dumps({**json.loads(path.read_text()), "colour": "red"}))
     command = [PROGRAM, "plan", path, "--planner", "single-start", "--json"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)

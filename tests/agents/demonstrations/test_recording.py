@@ -16,7 +16,7 @@ from agents.demonstrations.episode import Episode, make_environment, pack, repla
 from agents.demonstrations.work import Request
 from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.world.outcome import Outcome
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.registry import make
 from tests.support.waiting import until
 
@@ -76,7 +76,7 @@ def test_a_demonstration_is_the_experts_flight(tmp_path: Path) -> None:
     observation, _ = env.reset(options={"field": "sparse/train:2"})
     np.testing.assert_array_equal(episode.observations["goal"][0], observation["goal"])
     inside = env.unwrapped
-    plan = make("guided").plan(inside.field, depart(inside.field), 0)
+    plan = make("guided").plan(inside.field, initial_state(inside.field), 0)
     for action in episode.actions:
         env.step(action)
     np.testing.assert_array_equal(inside.control, plan.control)

@@ -15,13 +15,13 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
 from planners.registry import PLANNERS, single_start
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
 """No flight leaves it: the start touches a disc and faces its centre."""
-FIELDS = [*select("sparse/train:0-2"), *select("paper:4"), HEAD_ON]
+FIELDS = [*get_fields("sparse/train:0-2"), *get_fields("paper:4"), HEAD_ON]
 
 
 @pytest.fixture(scope="module")

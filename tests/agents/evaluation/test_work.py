@@ -22,13 +22,13 @@ from agents.evaluation.records import Record, Trace
 from agents.evaluation.request import Request, field_of, name_of, spans
 from agents.evaluation.timing import Timing
 from agents.evaluation.work import WORK, Work
-from agents.policies.shield_decisions import Hand
+from agents.policies.shield_decisions import ShieldDecision
 from agents.runtime.executors import Backend, WorkerDiedError
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.outcome import Outcome
 
 ALONE = Backend()
-HANDS = tuple(Hand)
+HANDS = tuple(ShieldDecision)
 ENDS = (Outcome.GOAL_REACHED, Outcome.COLLISION, Outcome.GAVE_UP)
 REQUEST = Request(
     policies=["guided", "single-start+shield"],
@@ -305,14 +305,14 @@ def test_names_that_count_on_are_told_together() -> None:
 
 
 def test_a_field_in_a_file_is_another_when_it_changes() -> None:
-    fields = list(select("sparse/train:0-1"))
+    fields = list(get_fields("sparse/train:0-1"))
     named = [replace(field, name="town") for field in fields]
     requests = [Request(policies=["guided"], fields=[field], seeds=[0]) for field in named]
     assert requests[0].digest != requests[1].digest
     again = Request(policies=["guided"], fields=[replace(named[0])], seeds=[0])
     assert again.digest == requests[0].digest
     assert field_of("sparse/train:1").obstacles.centers.tolist() == (  # type: ignore[attr-defined]
-        one("sparse/train:1").obstacles.centers.tolist()  # type: ignore[attr-defined]
+        get_field("sparse/train:1").obstacles.centers.tolist()  # type: ignore[attr-defined]
     )
     with pytest.raises(ValueError, match="nothing to fly: no fields"):
         Request(policies=["guided"], fields=[], seeds=[0])

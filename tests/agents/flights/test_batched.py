@@ -12,10 +12,10 @@ import torch
 from agents.flights.batched import fly_batch, score
 from agents.flights.flight import fly
 from agents.models.model import Model
-from agents.policies.network_policy import Pilot
+from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from tests.support.small_models import ALGORITHMS, DISCS, RAYS, learned
@@ -23,7 +23,7 @@ from tests.support.small_models import ALGORITHMS, DISCS, RAYS, learned
 CROWDED = Field(
     name="crowded", obstacles=Discs(np.random.default_rng(0).uniform(20, 90, (130, 2)), [2.0] * 130)
 )
-FIELDS = [*select("sparse/train:0-7"), *select("traps/train:0-1"), CROWDED]
+FIELDS = [*get_fields("sparse/train:0-7"), *get_fields("traps/train:0-1"), CROWDED]
 
 
 def model_of(algorithm: str, environment: dict) -> Model:
@@ -35,7 +35,7 @@ def model_of(algorithm: str, environment: dict) -> Model:
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
 def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment: dict) -> None:
     model = model_of(algorithm, environment)
-    pilot = Pilot(model)
+    pilot = NetworkPolicy(model)
     alone = [fly(pilot, "pilot", field, 0) for field in FIELDS]
     assert max(len(flight.control) for flight in alone) > 2
     for num in (1, 3, 7, 256):
@@ -82,11 +82,11 @@ def test_nothing_is_flown_of_no_fields_and_none_without_room() -> None:
 
 
 def test_the_pilot_loads_a_model_once(tmp_path: Path) -> None:
-    from agents.policies.network_policy import pilot
+    from agents.policies.network_policy import network_policy
     from tests.support.small_models import saved
 
     place = saved(tmp_path / "ace")
-    assert pilot(place).model is pilot(place).model
-    first = pilot(place).model
+    assert network_policy(place).model is network_policy(place).model
+    first = network_policy(place).model
     saved(place, seed=5)
-    assert pilot(place).model is not first
+    assert network_policy(place).model is not first

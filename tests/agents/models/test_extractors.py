@@ -16,7 +16,7 @@ from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.spaces import observation_space
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 
@@ -57,7 +57,7 @@ def made(kind: Any, arguments: dict[str, Any]) -> Any:
 def test_features_have_the_size_promised_and_are_finite_as_are_their_gradients(
     kind: Any, arguments: dict[str, Any], spec: str
 ) -> None:
-    field = Field(name="none", obstacles=Discs([], [])) if spec == "none" else one(spec)
+    field = Field(name="none", obstacles=Discs([], [])) if spec == "none" else get_field(spec)
     net, seen = made(kind, arguments), seen_in(field, arguments)
     free = {key: value.requires_grad_() for key, value in seen.items()}
     features = net(free)
@@ -84,7 +84,7 @@ def shuffled(seen: dict[str, Any]) -> dict[str, Any]:
 @pytest.mark.parametrize("arguments", [DISCS, BOTH])
 def test_the_order_of_obstacles_does_not_matter(kind: Any, arguments: dict[str, Any]) -> None:
     arguments = {**arguments, "view": NEAR}
-    net, seen = made(kind, arguments), seen_in(one("standard/train:0"), arguments)
+    net, seen = made(kind, arguments), seen_in(get_field("standard/train:0"), arguments)
     assert 0.0 < float(seen["mask"].mean()) < 1.0
     with torch.no_grad():
         torch.testing.assert_close(net(shuffled(seen)), net(seen), atol=1e-5, rtol=1e-5)
@@ -93,7 +93,7 @@ def test_the_order_of_obstacles_does_not_matter(kind: Any, arguments: dict[str, 
 @pytest.mark.parametrize("kind", SETS)
 def test_what_stands_in_rows_of_padding_does_not_matter(kind: Any) -> None:
     near = {**BOTH, "view": NEAR}
-    net, seen = made(kind, near), seen_in(one("standard/train:0"), near)
+    net, seen = made(kind, near), seen_in(get_field("standard/train:0"), near)
     padding = (seen["mask"] < 0.5).repeat_interleave(4, dim=1)
     assert padding.any()
     litter = torch.where(padding, torch.rand_like(seen["obstacles"]), seen["obstacles"])
@@ -106,7 +106,7 @@ def test_what_stands_in_rows_of_padding_does_not_matter(kind: Any) -> None:
 def test_how_many_rows_of_padding_there_are_does_not_matter(kind: Any) -> None:
     net, wider = made(kind, DISCS), made(kind, {**DISCS, "nearest": 11})
     wider.load_state_dict(net.state_dict())
-    seen = seen_in(one("dense/train:0"), DISCS)
+    seen = seen_in(get_field("dense/train:0"), DISCS)
     assert (seen["mask"].sum(dim=1) == 6.0).any()  # of some all rows are taken
     more = {
         **seen,
@@ -119,7 +119,7 @@ def test_how_many_rows_of_padding_there_are_does_not_matter(kind: Any) -> None:
 
 @pytest.mark.parametrize("kind", SETS)
 def test_each_obstacle_matters(kind: Any) -> None:
-    net, seen = made(kind, DISCS), seen_in(one("dense/train:0"), DISCS)
+    net, seen = made(kind, DISCS), seen_in(get_field("dense/train:0"), DISCS)
     with torch.no_grad():
         before = net(seen)
         for k in range(6):
@@ -142,7 +142,7 @@ def test_heads_must_share_the_width() -> None:
 
 
 def test_the_goal_is_shown_on_finer_scales_too() -> None:
-    net, seen = made(Plain, RAYS), seen_in(one("sparse/train:0"), RAYS, number=2)
+    net, seen = made(Plain, RAYS), seen_in(get_field("sparse/train:0"), RAYS, number=2)
     seen["goal"] = torch.tensor([[0.02, 0.6, 0.8], [0.5, 1.0, 0.0]])
     features = net(seen)
     np.testing.assert_allclose(features[0, 9:15], [0.1, 0.06, 0.08, 0.28, 0.168, 0.224], rtol=1e-5)

@@ -19,7 +19,7 @@ import torch
 from agents.cli.main import main
 from agents.flights.batched import fly_batch
 from agents.models import loading
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from tests.support.places import ROOT
 from tests.support.small_models import DISCS, saved
 
@@ -43,14 +43,14 @@ PROGRAM = """
 import sys
 import numpy as np
 from agents.flights.flight import fly_by_name
-from ferguson_gym.world.field_names import select
-flights = [fly_by_name(sys.argv[1], field, 0) for field in select(sys.argv[2])]
+from ferguson_gym.world.field_names import get_fields
+flights = [fly_by_name(sys.argv[1], field, 0) for field in get_fields(sys.argv[2])]
 np.save(sys.argv[3], np.concatenate([flight.control for flight in flights]))
 """
 
 
 def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Path) -> None:
-    flown = fly_batch(loading.load(model), select(FIELDS))
+    flown = fly_batch(loading.load(model), get_fields(FIELDS))
     subprocess.run(
         [sys.executable, "-c", PROGRAM, model, FIELDS, tmp_path / "control.npy"],
         check=True,

@@ -17,7 +17,7 @@ from agents.models import loading, torch_model, weights
 from agents.models.inference.forward import Forward
 from agents.models.torch_model import BLOCK, Learned, TorchNetwork, one_thread
 from ferguson_gym.runtime.arrays import GenericArray
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from tests.support.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
 
 FIELDS = "sparse/train:0-2"
@@ -62,7 +62,7 @@ def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        fly_batch(learned("sac", RAYS).model, select(FIELDS))
+        fly_batch(learned("sac", RAYS).model, get_fields(FIELDS))
         assert torch.get_num_threads() == 2
         with pytest.raises(ZeroDivisionError), one_thread():
             _ = 1 / (torch.get_num_threads() - 1)
@@ -105,7 +105,7 @@ def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_p
     assert loading.needs_torch(tmp_path)
     after = loading.load(tmp_path)
     assert isinstance(after.network, Forward) == (algorithm == "ppo")
-    fields = list(select(FIELDS))
+    fields = list(get_fields(FIELDS))
     for one, other in zip(fly_batch(before, fields), fly_batch(after, fields), strict=True):
         np.testing.assert_array_equal(one.control, other.control)
 
@@ -118,7 +118,9 @@ def test_a_slim_copy_flies_the_same_and_can_be_trained_on(algorithm: str, tmp_pa
     assert size < 0.6 * before
     with zipfile.ZipFile(tmp_path / "slim" / "model.zip") as archive:
         assert all(name.endswith(".npy") for name in archive.namelist())
-    flown = [fly_batch(loading.load(tmp_path / name), select(FIELDS)) for name in ("whole", "slim")]
+    flown = [
+        fly_batch(loading.load(tmp_path / name), get_fields(FIELDS)) for name in ("whole", "slim")
+    ]
     for mine, theirs in zip(*flown, strict=True):
         np.testing.assert_array_equal(mine.control, theirs.control)
     one, other = (torch_model.load(tmp_path / name).policy for name in ("whole", "slim"))

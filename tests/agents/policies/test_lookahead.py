@@ -11,14 +11,14 @@ import pytest
 from agents.flights.flight import Flight, fly
 from agents.models.model import Model
 from agents.models.model_card import Card
-from agents.policies.lookahead import MOST, Imagining
-from agents.policies.network_policy import Pilot
+from agents.policies.lookahead import MOST, LookaheadPolicy
+from agents.policies.network_policy import NetworkPolicy
 from agents.policies.registry import make_policy
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 
@@ -37,7 +37,7 @@ class Straight:
         return nullcontext()
 
 
-PILOT = Pilot(
+PILOT = NetworkPolicy(
     Model(Straight(), Card(algorithm="ppo", policy="mlp", policy_kwargs={}, environment={}))
 )
 
@@ -57,7 +57,7 @@ def flown(policy: Any, seed: int = 0) -> list[Flight]:
 
 
 def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -> None:
-    alone, imagined = flown(PILOT), flown(Imagining(PILOT, 24))
+    alone, imagined = flown(PILOT), flown(LookaheadPolicy(PILOT, 24))
     assert 0 < sum(one.success for one in alone) < sum(one.success for one in imagined)
     for own, best in zip(alone, imagined, strict=True):
         if own.success:
@@ -66,7 +66,7 @@ def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -
 
 
 def test_a_seed_decides_what_is_imagined() -> None:
-    first, again, other = (flown(Imagining(PILOT, 8), seed) for seed in (0, 0, 1))
+    first, again, other = (flown(LookaheadPolicy(PILOT, 8), seed) for seed in (0, 0, 1))
     for one_, same in zip(first, again, strict=True):
         np.testing.assert_array_equal(one_.control, same.control)
     assert any(
@@ -77,21 +77,21 @@ def test_a_seed_decides_what_is_imagined() -> None:
 
 def test_where_nothing_arrives_its_own_flight_is_flown() -> None:
     field = Field(name="a wall", obstacles=Discs(np.array([[50.0, 50.0]]), np.array([30.0])))
-    own, imagined = fly(PILOT, "x", field, 0), fly(Imagining(PILOT, 2), "x", field, 0)
+    own, imagined = fly(PILOT, "x", field, 0), fly(LookaheadPolicy(PILOT, 2), "x", field, 0)
     assert own.outcome is imagined.outcome is Outcome.COLLISION
     np.testing.assert_array_equal(own.control, imagined.control)
 
 
 def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
-    field = one("sparse/train:3")
-    agent = Imagining(PILOT, 8)
+    field = get_field("sparse/train:3")
+    agent = LookaheadPolicy(PILOT, 8)
     agent.begin(field, 0)
-    vehicle = transition.depart(field)
+    vehicle = transition.initial_state(field)
     action = agent.act({}, vehicle)
     assert action is not None
     there = transition.advance(field, vehicle, action).state
     moved = transition.State(there.position + 0.5, there.derivative, there.segments)
-    fresh = Imagining(PILOT, 8)
+    fresh = LookaheadPolicy(PILOT, 8)
     fresh.begin(field, 0)
     expected = fresh.act({}, moved)
     given = agent.act({}, moved)
@@ -103,7 +103,7 @@ def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
 @pytest.mark.parametrize("tries", [0, 1, MOST + 1])
 def test_a_number_of_flights_that_makes_no_sense_is_refused(tries: int) -> None:
     with pytest.raises(ValueError, match=f"imagines 2 to {MOST} flights, got {tries}"):
-        Imagining(PILOT, tries)
+        LookaheadPolicy(PILOT, tries)
 
 
 def test_names_that_make_no_sense_are_refused() -> None:

@@ -7,9 +7,9 @@ from agents.flights.flight import Flight, fly
 from agents.policies.planner_policies import Replanning, Tracking, expert
 from agents.policies.registry import make_policy
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Plan, Status, depart
+from planners.interface import Plan, Status, initial_state
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import PLANNERS, make
 from tests.support.quick_planners import quick
@@ -24,8 +24,8 @@ def assert_same(flight: Flight, plan: Plan) -> None:
 @pytest.mark.parametrize("field", ["sparse/train:0-4", "standard/train:0-6", "traps/train:0"])
 def test_flying_single_start_is_its_plan(field: str) -> None:
     planner = make("single-start")
-    for flown in select(field):
-        plan = planner.plan(flown, depart(flown), 0)
+    for flown in get_fields(field):
+        plan = planner.plan(flown, initial_state(flown), 0)
         assert_same(fly(Replanning(planner), "single-start", flown, 0), plan)
 
 
@@ -33,7 +33,7 @@ def test_flying_into_a_dead_end_is_its_plan() -> None:
     # the start touches a disc and faces its centre: nothing leaves it
     disc = Discs([[5.0, 0.0]], [5.0])
     field = Field(name="head-on", obstacles=disc, start_derivative=np.array([5.0, 0.0]))
-    plan = make("single-start").plan(field, depart(field), 0)
+    plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.status is Status.STUCK
     assert_same(fly(Replanning(make("single-start")), "single-start", field, 0), plan)
 
@@ -41,8 +41,8 @@ def test_flying_into_a_dead_end_is_its_plan() -> None:
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_flying_any_planner_is_its_plan_replanned_or_tracked(planner: str) -> None:
     seed = 1
-    field = one("sparse/train:3")
-    plan = quick(planner).plan(field, depart(field), seed)
+    field = get_field("sparse/train:3")
+    plan = quick(planner).plan(field, initial_state(field), seed)
     assert_same(fly(expert(quick(planner)), planner, field, seed), plan)
     tracked = fly(Tracking(quick(planner)), planner, field, seed)
     np.testing.assert_allclose(tracked.control, plan.control, rtol=0, atol=1e-9)
@@ -55,13 +55,13 @@ def test_flying_any_planner_is_its_plan_replanned_or_tracked(planner: str) -> No
 def test_flying_multi_start_is_its_plan_on_many_fields_and_seeds(suite: str) -> None:
     planner = make("multi-start")
     for seed in range(3):
-        field = one(f"{suite}/train:{seed}")
-        plan = planner.plan(field, depart(field), seed)
+        field = get_field(f"{suite}/train:{seed}")
+        plan = planner.plan(field, initial_state(field), seed)
         assert_same(fly(expert(planner), "multi-start", field, seed), plan)
 
 
 def test_seeds_change_the_random_starts_and_repeat() -> None:
-    field = one("sparse/train:2")
+    field = get_field("sparse/train:2")
     planner = RecedingHorizon(random_starts=2)
     first, again, other = (
         fly(Replanning(planner), "multi-start", field, seed) for seed in (4, 4, 5)
@@ -75,7 +75,7 @@ def test_seeds_change_the_random_starts_and_repeat() -> None:
 def test_a_policy_can_fly_one_field_after_another() -> None:
     policy = make_policy("single-start")
     names = ["sparse/train:0", "sparse/train:1", "sparse/train:0"]
-    flights = [fly(policy, "single-start", one(name), 0) for name in names]
+    flights = [fly(policy, "single-start", get_field(name), 0) for name in names]
     np.testing.assert_array_equal(flights[0].control, flights[2].control)
     assert len(flights[1].decisions) == len(flights[1].decision_seconds)
 

@@ -8,22 +8,22 @@ import numpy as np
 import pytest
 
 from agents.cli.main import main
-from agents.policies.policy_proposals import Proposals
+from agents.policies.policy_proposals import PolicyProposer
 from agents.policies.registry import make_planner, make_policy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import State, depart
+from planners.interface import State, initial_state
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import make, multi_start, single_start
 from planners.wrappers.backtracking import Backtracking
 from planners.wrappers.limited_sensing import Sensing
 from tests.support.scripted_policies import Always, Noisy, Straight
 
-FIELD = one("standard/train:0")
+FIELD = get_field("standard/train:0")
 NEAR = Field(name="near", obstacles=Discs([[10.0, 12.0]], [4.0]), goal=np.array([20.0, 15.0]))
 
 
@@ -40,13 +40,13 @@ class Fixed:
 
 
 def noisy(planner: RecedingHorizon) -> RecedingHorizon:
-    return replace(planner, proposer=Proposals(Noisy()))
+    return replace(planner, proposer=PolicyProposer(Noisy()))
 
 
 def test_proposals_are_what_the_policy_would_fly() -> None:
-    plan = make("guided").plan(FIELD, depart(FIELD), 0)
-    proposals = Proposals(make_policy("guided"))
-    (chain,) = proposals.propose(FIELD, transition.depart(FIELD), 3, 0)
+    plan = make("guided").plan(FIELD, initial_state(FIELD), 0)
+    proposals = PolicyProposer(make_policy("guided"))
+    (chain,) = proposals.propose(FIELD, transition.initial_state(FIELD), 3, 0)
     np.testing.assert_array_equal(chain, plan.control[:3])
     (chain,) = proposals.propose(FIELD, plan.states[-2].vehicle, 3, 0)
     np.testing.assert_array_equal(chain[-1, 1], FIELD.goal)
@@ -54,28 +54,28 @@ def test_proposals_are_what_the_policy_would_fly() -> None:
 
 def test_proposals_go_through_what_stands_in_the_way_and_may_be_none() -> None:
     wall = Field(name="wall", obstacles=Discs([[12.0, 12.0]], [6.0]))
-    (chain,) = Proposals(Straight()).propose(wall, transition.depart(wall), 3, 0)
+    (chain,) = PolicyProposer(Straight()).propose(wall, transition.initial_state(wall), 3, 0)
     assert len(chain) == 3
     np.testing.assert_array_equal(chain[1:, (0, 2)], chain[:-1, (1, 3)])
     assert not is_feasible(chain, wall).any()
-    assert Proposals(Always()).propose(wall, transition.depart(wall), 3, 0) == []
+    assert PolicyProposer(Always()).propose(wall, transition.initial_state(wall), 3, 0) == []
 
 
 @pytest.mark.parametrize("planner", [single_start, multi_start])
 def test_a_good_proposal_is_the_only_start_and_flights_arrive(planner) -> None:
-    for field in (FIELD, one("traps/train:0")):
-        plan = noisy(planner()).plan(field, depart(field), 0)
+    for field in (FIELD, get_field("traps/train:0")):
+        plan = noisy(planner()).plan(field, initial_state(field), 0)
         assert plan.success
         assert is_feasible(plan.control, field).all()
         starts = [decision.report.starts for decision in plan.decisions]
         assert np.mean(starts) <= 1.5
-        plain = multi_start().plan(field, depart(field), 0)
+        plain = multi_start().plan(field, initial_state(field), 0)
         assert plan.evaluations < 0.5 * plain.evaluations
 
 
 @pytest.mark.parametrize("planner", [single_start, multi_start])
 def test_without_a_proposal_or_with_a_hopeless_one_the_decision_is_the_plain_one(planner) -> None:
-    state = depart(FIELD)
+    state = initial_state(FIELD)
     plain = planner().decide(FIELD, state, 0)
     none = replace(planner(), proposer=Fixed([])).decide(FIELD, state, 0)
     np.testing.assert_array_equal(none.chain, plain.chain)
@@ -94,8 +94,8 @@ def test_without_a_proposal_or_with_a_hopeless_one_the_decision_is_the_plain_one
 
 
 def test_a_proposal_that_ends_on_the_goal_is_polished_to_end_there() -> None:
-    planner = replace(multi_start(), proposer=Proposals(Straight()))
-    decision = planner.decide(NEAR, depart(NEAR), 0)
+    planner = replace(multi_start(), proposer=PolicyProposer(Straight()))
+    decision = planner.decide(NEAR, initial_state(NEAR), 0)
     assert decision.report.start == "proposal 1"
     assert decision.report.final
     assert decision.report.starts == 1
@@ -107,7 +107,7 @@ def test_a_proposal_that_ends_on_the_goal_is_polished_to_end_there() -> None:
 
 def test_replanning_in_the_middle_gives_the_rest_of_the_flight() -> None:
     planner = noisy(multi_start())
-    plan = planner.plan(FIELD, depart(FIELD), 3)
+    plan = planner.plan(FIELD, initial_state(FIELD), 3)
     rest = planner.plan(FIELD, plan.states[4], 3)
     np.testing.assert_array_equal(rest.control, plan.control[4:])
 
@@ -119,7 +119,7 @@ def test_options_reach_the_planner_inside() -> None:
     inner = planner.planner.planner
     assert isinstance(inner, RecedingHorizon)
     assert inner.proposer is not None
-    assert planner.plan(FIELD, State(transition.depart(FIELD)), 0).success
+    assert planner.plan(FIELD, State(transition.initial_state(FIELD)), 0).success
 
 
 @pytest.mark.parametrize(

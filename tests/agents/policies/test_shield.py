@@ -9,13 +9,13 @@ from agents.flights.flight import Flight, fly, fly_by_name
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
 from agents.policies.shield import PATIENCE, Shield
-from agents.policies.shield_decisions import Hand, share_handed_over
+from agents.policies.shield_decisions import ShieldDecision, share_handed_over
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
@@ -57,7 +57,7 @@ def shielded(agent: Policy, field: Field) -> Flight:
 
 def states(flown: Flight) -> list[transition.State]:
     """Before each step, and the last."""
-    first = transition.depart(flown.field)
+    first = transition.initial_state(flown.field)
     ends = [transition.State(c[1], c[3], k + 1) for k, c in enumerate(flown.control)]
     return [first, *ends]
 
@@ -65,20 +65,22 @@ def states(flown: Flight) -> list[transition.State]:
 @pytest.mark.parametrize("agent", AGENTS)
 @pytest.mark.parametrize("spec", ["standard/train:0-1", "traps/train:0-1"])
 def test_whoever_flies_arrives(agent: str, spec: str) -> None:
-    for field in select(spec):
+    for field in get_fields(spec):
         flown = shielded(AGENTS[agent](), field)
         assert flown.outcome is Outcome.GOAL_REACHED
         assert is_feasible(flown.control, field).all()
         assert len(flown.hands) == len(flown.decisions) == len(flown.control)
-        assert not {Hand.UNPROVEN, Hand.STUCK} & set(flown.hands)
+        assert not {ShieldDecision.UNPROVEN, ShieldDecision.STUCK} & set(flown.hands)
 
 
 @pytest.mark.parametrize("agent", ["straight", "noisy", "very noisy", "circling"])
 def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
-    field, planner = one("standard/train:3"), Guided()
+    field, planner = get_field("standard/train:3"), Guided()
     flown = shielded(AGENTS[agent](), field)
     accepted = [
-        s for hand, s in zip(flown.hands, states(flown)[1:], strict=True) if hand is Hand.AGENT
+        s
+        for hand, s in zip(flown.hands, states(flown)[1:], strict=True)
+        if hand is ShieldDecision.AGENT
     ]
     assert accepted
     for state in accepted[::3]:
@@ -86,10 +88,10 @@ def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
 
 
 def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state() -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     alone, under = (fly_by_name(name, field, 0) for name in ("guided", "guided+shield"))
     np.testing.assert_array_equal(under.control, alone.control)
-    assert set(under.hands) == {Hand.AGENT}
+    assert set(under.hands) == {ShieldDecision.AGENT}
     agent = Always(0.0, 0.0, 0.0, 0.0)
     shielded(agent, OPEN)
     asked = [state.segments for state in agent.asked]
@@ -97,10 +99,13 @@ def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state
 
 
 @pytest.mark.parametrize(
-    ("agent", "hand"), [(Always(), Hand.GAVE_UP), (Always(*COLLIDING), Hand.INFEASIBLE)]
+    ("agent", "hand"),
+    [(Always(), ShieldDecision.GAVE_UP), (Always(*COLLIDING), ShieldDecision.INFEASIBLE)],
 )
-def test_an_agent_of_no_use_leaves_the_planners_own_flight(agent: Always, hand: Hand) -> None:
-    field = one("traps/train:0")
+def test_an_agent_of_no_use_leaves_the_planners_own_flight(
+    agent: Always, hand: ShieldDecision
+) -> None:
+    field = get_field("traps/train:0")
     flown = shielded(agent, field)
     np.testing.assert_array_equal(flown.control, fly_by_name("guided", field, 0).control)
     assert set(flown.hands) == {hand}
@@ -109,30 +114,30 @@ def test_an_agent_of_no_use_leaves_the_planners_own_flight(agent: Always, hand: 
 
 def test_a_segment_that_leads_nowhere_is_handed_over_before_it_is_flown() -> None:
     flown = shielded(Straight(), HEAD_ON)
-    assert flown.hands[0] is Hand.NOT_CONTINUABLE
+    assert flown.hands[0] is ShieldDecision.NOT_CONTINUABLE
     assert flown.success
 
 
 def test_an_agent_may_waste_a_few_segments_but_not_circle() -> None:
     flown = shielded(Always(*CIRCLING), OPEN)
-    assert Hand.LOITERING in flown.hands
+    assert ShieldDecision.LOITERING in flown.hands
     to_go, _ = distance_to_go(OPEN)(np.array([s.position for s in states(flown)]))
     nearest = np.minimum.accumulate(to_go)
-    agents = np.array([hand is Hand.AGENT for hand in flown.hands])
+    agents = np.array([hand is ShieldDecision.AGENT for hand in flown.hands])
     assert (agents & (to_go[1:] >= nearest[:-1])).sum() == PATIENCE
 
 
 def test_an_agent_that_creeps_leaves_segments_enough_to_arrive() -> None:
     flown = shielded(Straight(stride=3.2), OPEN)
     assert flown.success
-    assert Hand.RUNNING_OUT in flown.hands
-    assert flown.hands[0] is Hand.AGENT
+    assert ShieldDecision.RUNNING_OUT in flown.hands
+    assert flown.hands[0] is ShieldDecision.AGENT
     assert len(flown.control) <= PAPER_LIMITS.segments
 
 
 def test_what_the_planner_cannot_better_is_flown_and_counted_as_unproven() -> None:
     flown = fly(Shield(Straight(), Never()), "unproven", HEAD_ON, 0)
-    assert flown.hands == [Hand.UNPROVEN, Hand.STUCK]
+    assert flown.hands == [ShieldDecision.UNPROVEN, ShieldDecision.STUCK]
     assert flown.outcome is Outcome.GAVE_UP
     assert len(flown.control) == 1
 

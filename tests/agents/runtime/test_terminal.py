@@ -137,7 +137,7 @@ def test_a_bar_that_waits_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_first_compilation_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with compile_notice.told(Terminal()):
+    with compile_notice.announce_compilation(Terminal()):
         for number in (1.0, 2):
             numba.njit(lambda x: x)(number)
     assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"

@@ -19,13 +19,13 @@ from agents.cli.main import main
 from agents.flights.batched import fly_batch, score
 from agents.models import loading
 from agents.training import checkpoint as training_checkpoint
-from agents.training.budget import Falling, Pace, stop_on_interrupt
+from agents.training.budget import LinearSchedule, TrainingBudget, stop_on_interrupt
 from agents.training.hyperparameters import SHIPPED, read
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import Record
 from agents.training.run import ALGORITHMS, Run
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from tests.fuzz.test_files import unfinished_training
 from tests.support.small_models import same, saved, weights_of
 
@@ -111,7 +111,7 @@ def test_a_training_leaves_a_model_its_card_and_its_curve(
     assert [row["steps"] for row in card.curve] == [0, 32, 64, 96]
     assert [int(row["steps"]) for row in curve_of(out)] == [0, 32, 64, 96]
     for key, spec in (("chosen_on", CHOSEN), ("reported_on", REPORTED)):
-        found = score(fly_batch(model, select(spec)))
+        found = score(fly_batch(model, get_fields(spec)))
         assert card.results[key]["fields"] == spec
         assert card.results[key]["flights"] == 5
         assert card.results[key]["spl"] == found.spl
@@ -413,12 +413,12 @@ def test_shipped_hyperparameters_are_taken(
 
 
 def test_numbers_that_fall_do_so_by_the_limit_that_comes_first() -> None:
-    by_steps, by_time = Pace(100, None, steps=25), Pace(None, 1.0, seconds=45.0)
-    assert Falling(4.0, by_steps)(0.0) == 3.0
-    assert Falling(4.0, by_time)(1.0) == pytest.approx(1.0, abs=0.1)
+    by_steps, by_time = TrainingBudget(100, None, steps=25), TrainingBudget(None, 1.0, seconds=45.0)
+    assert LinearSchedule(4.0, by_steps)(0.0) == 3.0
+    assert LinearSchedule(4.0, by_time)(1.0) == pytest.approx(1.0, abs=0.1)
     assert not by_time.time_is_up
-    assert Pace(100, 1.0, steps=10, seconds=61.0).time_is_up
-    assert Pace(100, 1.0, steps=10, seconds=61.0).done == 1.0
+    assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).time_is_up
+    assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).done == 1.0
 
 
 def test_the_second_interrupt_is_not_held_back() -> None:

@@ -4,13 +4,13 @@ import os
 
 import pytest
 
-from ferguson_gym.runtime.atomic_files import unwritable, written_whole
+from ferguson_gym.runtime.atomic_files import atomic_write, unwritable
 
 
 def test_a_block_that_succeeds_replaces_the_file(tmp_path):
     target = tmp_path / "table.csv"
     target.write_text("old")
-    with written_whole(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_text("new")
         assert target.read_text() == "old"
     assert target.read_text() == "new"
@@ -23,7 +23,7 @@ def test_a_block_that_raises_keeps_the_old_file_and_leaves_no_debris(tmp_path, e
     target.write_text("old")
 
     def interrupted():
-        with written_whole(target) as temporary:
+        with atomic_write(target) as temporary:
             temporary.write_text("half a li")
             raise error
 
@@ -35,7 +35,7 @@ def test_a_block_that_raises_keeps_the_old_file_and_leaves_no_debris(tmp_path, e
 
 def test_a_block_that_raises_creates_nothing(tmp_path):
     def interrupted():
-        with written_whole(tmp_path / "table.csv"):
+        with atomic_write(tmp_path / "table.csv"):
             raise RuntimeError
 
     with pytest.raises(RuntimeError):
@@ -48,7 +48,7 @@ def test_a_failed_move_leaves_no_debris(tmp_path):
     target.mkdir()
 
     def move():
-        with written_whole(target) as temporary:
+        with atomic_write(target) as temporary:
             temporary.write_text("new")
 
     with pytest.raises(OSError, match="taken"):
@@ -59,14 +59,14 @@ def test_a_failed_move_leaves_no_debris(tmp_path):
 @pytest.mark.parametrize("name", ["flight.gif", "flight.tar.gz", "flight"])
 def test_the_temporary_name_lies_beside_and_keeps_the_suffix(tmp_path, name):
     target = tmp_path / name
-    with written_whole(target) as temporary:
+    with atomic_write(target) as temporary:
         assert temporary.parent == tmp_path
         assert temporary.suffix == target.suffix
         assert temporary != target
 
 
 def test_a_path_may_be_text(tmp_path):
-    with written_whole(str(tmp_path / "note")) as temporary:
+    with atomic_write(str(tmp_path / "note")) as temporary:
         temporary.write_text("text")
     assert (tmp_path / "note").read_text() == "text"
 
@@ -76,7 +76,7 @@ def test_a_path_may_be_text(tmp_path):
 def test_a_new_file_has_the_mode_that_open_would_have_given(tmp_path, umask):
     before = os.umask(umask)
     try:
-        with written_whole(tmp_path / "whole"):
+        with atomic_write(tmp_path / "whole"):
             pass
         (tmp_path / "plain").touch()
         assert os.umask(umask) == umask

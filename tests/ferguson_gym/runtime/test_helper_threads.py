@@ -8,7 +8,15 @@ import numba
 import numpy as np
 import pytest
 
-from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, Crew, add, get, new_counters, put
+from ferguson_gym.runtime.helper_threads import (
+    CLAIMED,
+    DONE,
+    HelperThreads,
+    add,
+    get,
+    new_counters,
+    put,
+)
 from tests.support.waiting import until
 
 PATIENT = 20_000
@@ -65,7 +73,7 @@ def test_each_piece_is_done_exactly_once(helpers: int, started: Callable) -> Non
     stream = np.random.default_rng(helpers)
     for size in (0, 1, 2, *stream.integers(3, 200, 20)):
         counters, times = new_counters(), np.zeros(size, np.int64)
-        crew = Crew(lambda c=counters, t=times: do_pieces(c, t, PATIENT), helpers)
+        crew = HelperThreads(lambda c=counters, t=times: do_pieces(c, t, PATIENT), helpers)
         assert len(started()) >= helpers
         for job in range(1, 101):
             crew.call()
@@ -76,7 +84,7 @@ def test_each_piece_is_done_exactly_once(helpers: int, started: Callable) -> Non
 
 def test_helpers_do_the_work_alone_and_wake_for_every_call(started: Callable) -> None:
     counters, times = new_counters(), np.zeros(500, np.int64)
-    crew = Crew(lambda: do_pieces(counters, times, 10), 3)
+    crew = HelperThreads(lambda: do_pieces(counters, times, 10), 3)
     for job in range(1, 60):
         if job % 10 == 0:
             time.sleep(0.01)  # they are asleep for sure
@@ -95,7 +103,7 @@ def test_calls_at_any_moment_break_nothing(started: Callable) -> None:
     def help_out() -> None:
         count[0] += 1
 
-    crew = Crew(help_out, 3)
+    crew = HelperThreads(help_out, 3)
     for _ in range(20_000):
         crew.call()
     assert until(lambda: all(bell._asleep for bell in crew._bells))
@@ -106,7 +114,7 @@ def test_calls_at_any_moment_break_nothing(started: Callable) -> None:
 
 
 def test_threads_end_with_their_owner_before_they_were_called(started: Callable) -> None:
-    crew = Crew(lambda: None, 2)
+    crew = HelperThreads(lambda: None, 2)
     assert len(started()) == 2
     del crew
     assert until(lambda: not started())
@@ -119,7 +127,7 @@ def test_threads_end_with_their_owner_in_the_middle_of_work(started: Callable) -
         begun.set()
         over.wait(20.0)
 
-    crew = Crew(help_out, 2)
+    crew = HelperThreads(help_out, 2)
     crew.call()
     assert begun.wait(20.0)
     del crew

@@ -135,7 +135,7 @@ from numba.core.dispatcher import Dispatcher
 from agents.flights.flight import fly
 from agents.policies.registry import expert
 from agents.policies.warm_up import compile_kernels, warm
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from planners.registry import PLANNERS
 from tests.support.quick_planners import quick
 
@@ -143,7 +143,7 @@ def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
     return {(k.py_func.__module__, k.py_func.__name__, *map(str, k.signatures)) for k in found}
 
-fields = [one(name) for name in ("sparse/train:0", "traps/train:0", "paper:1")]
+fields = [get_field(name) for name in ("sparse/train:0", "traps/train:0", "paper:1")]
 compile_kernels()
 for planner in PLANNERS:
     warm(planner)

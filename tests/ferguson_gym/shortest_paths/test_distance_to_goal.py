@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from tests.support.taut_paths import assert_is_taut, fields, random_field
 
 NAMES = ["standard/validation:3", "dense/validation:0", "forest/validation:1", "traps/validation:2"]
-FIELDS = [*map(one, NAMES), *(random_field(seed, 15) for seed in range(4))]
+FIELDS = [*map(get_field, NAMES), *(random_field(seed, 15) for seed in range(4))]
 DISC = Field(name="disc", obstacles=Discs([[50.0, 50.0]], [20.0]))
 
 
@@ -30,7 +30,7 @@ def free_points(field: Field, number: int, seed: int = 0) -> np.ndarray:
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_it_is_the_length_of_the_shortest_path_from_there(field: Field) -> None:
-    togo = DistanceToGo(field)
+    togo = DistanceToGoal(field)
     points = free_points(field, 60)
     distance, gradient = togo(points)
     for k, point in enumerate(points):
@@ -56,7 +56,7 @@ def test_it_is_the_length_of_the_shortest_path_from_there(field: Field) -> None:
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_the_gradient_is_that_of_the_distance(field: Field) -> None:
-    togo = DistanceToGo(field)
+    togo = DistanceToGoal(field)
     points = free_points(field, 400)
     points = points[(discs_of(field).signed_distance(points) > 0.01).all(axis=1)]
     distance, gradient = togo(points)
@@ -74,7 +74,7 @@ def test_the_gradient_is_that_of_the_distance(field: Field) -> None:
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_it_never_changes_faster_than_a_free_line_is_long(field: Field) -> None:
-    togo = DistanceToGo(field)
+    togo = DistanceToGoal(field)
     points = free_points(field, 300)
     step = np.random.default_rng(1).normal(0.0, 8.0, points.shape)
     others = np.clip(points + step, *field.bounds)
@@ -92,7 +92,7 @@ def test_it_never_changes_faster_than_a_free_line_is_long(field: Field) -> None:
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
 def test_along_the_shortest_path_it_falls_by_what_is_flown(field: Field) -> None:
-    togo = DistanceToGo(field)
+    togo = DistanceToGoal(field)
     path = togo.path(field.start)
     if path is None:
         assert field.name.startswith("random")
@@ -115,14 +115,14 @@ def test_along_the_shortest_path_it_falls_by_what_is_flown(field: Field) -> None
 
 
 def test_at_the_goal_it_is_zero_and_has_no_slope() -> None:
-    distance, gradient = DistanceToGo(DISC)([[100.0, 100.0], [100.0, 99.0]])
+    distance, gradient = DistanceToGoal(DISC)([[100.0, 100.0], [100.0, 99.0]])
     np.testing.assert_array_equal(distance, [0.0, 1.0])
     np.testing.assert_array_equal(gradient, [[0.0, 0.0], [0.0, -1.0]])
 
 
 def test_at_a_goal_on_a_disc() -> None:
     field = Field(name="on", obstacles=Discs([[80.0, 100.0]], [20.0]), bounds=(-50, 150))
-    distance, gradient = DistanceToGo(field)([[60.0, 100.0], [80.0, 80.0], [100.0, 100.0]])
+    distance, gradient = DistanceToGoal(field)([[60.0, 100.0], [80.0, 80.0], [100.0, 100.0]])
     np.testing.assert_allclose(distance, [20.0 * np.pi, 10.0 * np.pi, 0.0], rtol=1e-12)
     assert abs(gradient[0, 0]) < 1e-12
     np.testing.assert_allclose(gradient[1], [-1.0, 0.0], atol=1e-12)
@@ -131,7 +131,7 @@ def test_at_a_goal_on_a_disc() -> None:
 @pytest.mark.parametrize("depth", [0.0, 1e-9, 1e-6, 9e-6])
 @pytest.mark.parametrize("turn", np.linspace(0.0, 6.0, 9))
 def test_points_within_the_tolerance_are_free(depth: float, turn: float) -> None:
-    togo = DistanceToGo(DISC)
+    togo = DistanceToGoal(DISC)
     outward = np.array([np.cos(turn), np.sin(turn)])
     points = 50.0 + np.array([[20.0 - depth], [20.0], [20.0 + 1e-9]]) * outward
     distance, gradient = togo(points)
@@ -144,7 +144,7 @@ def test_points_within_the_tolerance_are_free(depth: float, turn: float) -> None
 
 
 def test_a_point_in_a_disc_opens_the_disc_to_no_other_point() -> None:
-    togo = DistanceToGo(DISC)
+    togo = DistanceToGoal(DISC)
     asked = [[50.0 - 20.0 / math.sqrt(2.0), 50.0 + 20.0 / math.sqrt(2.0)], [0.0, 0.0]]
     before = togo(asked)[0]
     togo([[50.0, 30.0 + 9e-6], [30.0 + 9e-6, 50.0]])
@@ -153,7 +153,7 @@ def test_a_point_in_a_disc_opens_the_disc_to_no_other_point() -> None:
 
 
 def test_points_beyond_the_tolerance_are_not() -> None:
-    togo = DistanceToGo(DISC)
+    togo = DistanceToGoal(DISC)
     blocked = [
         [50.0, 50.0],
         [50.0, 30.0 + 2e-5],
@@ -168,24 +168,24 @@ def test_points_beyond_the_tolerance_are_not() -> None:
         assert togo.path(point) is None
     beside = togo([[-10.0 - 9e-6, 5.0], [5.0, 110.0 + 9e-6], [-10.0, -10.0], [110.0, 110.0]])[0]
     assert np.isfinite(beside).all()
-    assert np.isfinite(DistanceToGo(DISC, tolerance=1.0)([[50.0, 30.5], [110.5, 5.0]])[0]).all()
+    assert np.isfinite(DistanceToGoal(DISC, tolerance=1.0)([[50.0, 30.5], [110.5, 5.0]])[0]).all()
 
 
 def test_in_a_notch_within_the_tolerance_of_two_discs() -> None:
     notch = Discs([[6.0, 8.0], [6.0, -8.0]], [10.0, 10.0])
-    togo = DistanceToGo(Field(name="notch", obstacles=notch, start=(-9, 0), goal=(50.0, 1.0)))
+    togo = DistanceToGoal(Field(name="notch", obstacles=notch, start=(-9, 0), goal=(50.0, 1.0)))
     distance, gradient = togo([[0.0, 0.0], [1e-6, 0.0], [1e-6, 1e-7], [-1e-6, 0.0]])
     np.testing.assert_allclose(distance, distance[0], atol=1e-4)
     np.testing.assert_allclose(np.linalg.norm(gradient, axis=1), 1.0)
 
 
 def test_no_points_and_points_without_a_path() -> None:
-    togo = DistanceToGo(DISC)
+    togo = DistanceToGoal(DISC)
     distance, gradient = togo(np.empty((0, 2)))
     assert distance.shape == (0,)
     assert gradient.shape == (0, 2)
     wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
-    togo = DistanceToGo(Field(name="wall", obstacles=wall))
+    togo = DistanceToGoal(Field(name="wall", obstacles=wall))
     assert togo([[10.0, 10.0]])[0][0] == np.inf
     assert togo([[90.0, 90.0]])[0][0] == pytest.approx(10.0 * math.sqrt(2.0))
 
@@ -195,20 +195,20 @@ def test_no_points_and_points_without_a_path() -> None:
 )
 def test_other_points_are_refused(points: object) -> None:
     with pytest.raises(ValueError, match="points must"):
-        DistanceToGo(DISC)(points)  # type: ignore[arg-type]
+        DistanceToGoal(DISC)(points)  # type: ignore[arg-type]
 
 
 def test_other_obstacles_are_refused() -> None:
     balls = Discs([[5.0, 5.0, 5.0]], [1.0])
     with pytest.raises(TypeError, match="discs in the plane"):
-        DistanceToGo(Field(name="balls", obstacles=balls, start=(0, 0, 0), goal=(9, 9, 9)))
+        DistanceToGoal(Field(name="balls", obstacles=balls, start=(0, 0, 0), goal=(9, 9, 9)))
 
 
 @given(field=fields())
 @settings(deadline=None, max_examples=150, derandomize=True)
 def test_in_any_field_it_is_a_number_or_infinite_with_unit_slopes(field: Field) -> None:
     grid = np.stack(np.meshgrid(*2 * [np.arange(-10.0, 111.0, 7.5)]), axis=-1).reshape(-1, 2)
-    distance, gradient = DistanceToGo(field)(grid)
+    distance, gradient = DistanceToGoal(field)(grid)
     straight = np.linalg.norm(grid - field.goal, axis=1)
     assert (distance >= straight * (1.0 - 1e-12)).all()
     size = np.linalg.norm(gradient, axis=1)

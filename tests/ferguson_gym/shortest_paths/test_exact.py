@@ -12,7 +12,7 @@ from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
 from ferguson_gym.shortest_paths.tangents import scene
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import paper_field
 from tests.support.places import DATA
@@ -223,7 +223,7 @@ def test_a_row_of_discs_with_a_common_tangent() -> None:
 
 @pytest.mark.parametrize("suite", ["standard", "sparse", "dense", "forest", "traps"])
 def test_paths_through_the_suites_are_taut_and_the_same_both_ways(suite: str) -> None:
-    for field in select(f"{suite}/validation:0-9"):
+    for field in get_fields(f"{suite}/validation:0-9"):
         assert isinstance(field.obstacles, Discs)
         discs = field.obstacles
         length = found(field).length

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given, settings
 from scipy.sparse.csgraph import connected_components
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.shortest_paths.homotopy_classes import best_classes, classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from tests.support.taut_paths import assert_is_taut, fields, random_field
 
@@ -74,7 +74,7 @@ def assert_classes(paths: list[ShortestPath], field: Field) -> None:
 
 @pytest.mark.parametrize("suite", ["standard", "sparse", "dense", "forest", "traps"])
 def test_classes_of_the_suites_are_different_and_in_order(suite: str) -> None:
-    for field in select(f"{suite}/validation:0-4"):
+    for field in get_fields(f"{suite}/validation:0-4"):
         paths = best_classes(field, field.start, 12)
         assert len(paths) == 12
         assert_classes(paths, field)
@@ -196,7 +196,7 @@ def test_without_a_path_there_is_no_class() -> None:
 @pytest.mark.parametrize("k", [0, -1])
 def test_no_classes_cannot_be_asked_for(k: int) -> None:
     with pytest.raises(ValueError, match=f"at least 1 class must be asked for, got {k}"):
-        best_classes(one("paper:1"), (0.0, 0.0), k)
+        best_classes(get_field("paper:1"), (0.0, 0.0), k)
 
 
 def lengths_by_trial(field: Field, turns: int) -> list[float]:
@@ -266,8 +266,8 @@ def test_no_class_is_missed(seed: int) -> None:
 
 
 def test_from_a_point_on_the_way() -> None:
-    field = one("standard/validation:0")
-    togo = DistanceToGo(field)
+    field = get_field("standard/validation:0")
+    togo = DistanceToGoal(field)
     point = np.array([45.0, 30.0])
     while togo([point])[0][0] == np.inf:
         point += 1.0

@@ -9,7 +9,7 @@ from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation.observe import observe, observe_one
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world import transition
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def test_what_is_seen_from_states_is_what_the_environment_shows_there(
     arguments: dict[str, Any],
 ) -> None:
     env = ObstacleField(**arguments)
-    field = one("sparse/train:3")
+    field = get_field("sparse/train:3")
     shown, _ = env.reset(options={"field": field})
     expected, vehicles = [shown], [env.state]
     for turn in (0.0, 0.1, -0.05):
@@ -41,15 +41,15 @@ def test_what_is_seen_from_states_is_what_the_environment_shows_there(
 
 
 def test_nothing_is_seen_of_no_states() -> None:
-    field = one("sparse/train:3")
+    field = get_field("sparse/train:3")
     seen = observe(field, [], Settings())
     assert seen["goal"].shape == (0, 3)
-    (only,) = observe(field, [transition.depart(field)], Settings())["goal"]
+    (only,) = observe(field, [transition.initial_state(field)], Settings())["goal"]
     assert only[0] > 0.0
 
 
 def test_one_vehicle_sees_what_it_would_among_others() -> None:
-    field, settings = one("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
+    field, settings = get_field("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
     vehicles = [
         transition.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)
     ]

@@ -6,7 +6,7 @@ import json
 import numpy as np
 import pytest
 
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.paper_fields import paper_field
 from ferguson_gym.world.suites import SPLITS, SUITES, suite_field
 
@@ -30,23 +30,23 @@ def write(path, **data):
     ],
 )
 def test_ranges_name_their_fields_both_ends_included(spec, names):
-    assert [field.name for field in select(spec)] == names
+    assert [field.name for field in get_fields(spec)] == names
 
 
 @pytest.mark.parametrize(("suite", "split"), list(itertools.product(SUITES, SPLITS)))
 def test_every_suite_and_split_can_be_named(suite, split):
-    named, drawn = one(f"{suite}/{split}:17"), suite_field(suite, split, 17)
+    named, drawn = get_field(f"{suite}/{split}:17"), suite_field(suite, split, 17)
     np.testing.assert_array_equal(named.obstacles.centers, drawn.obstacles.centers)
     np.testing.assert_array_equal(named.obstacles.radii, drawn.obstacles.radii)
 
 
 def test_the_papers_fields_can_be_named():
-    named, drawn = one("paper:4"), paper_field(4)
+    named, drawn = get_field("paper:4"), paper_field(4)
     np.testing.assert_array_equal(named.obstacles.centers, drawn.obstacles.centers)
 
 
 def test_a_huge_range_is_drawn_one_field_at_a_time():
-    fields = select("standard/train:0-9000000000000000000")
+    fields = get_fields("standard/train:0-9000000000000000000")
     assert [field.name for field in itertools.islice(fields, 2)] == [
         "standard/train:0",
         "standard/train:1",
@@ -58,7 +58,7 @@ def test_a_file_is_a_field_named_by_its_stem(tmp_path, name, monkeypatch):
     write(tmp_path / name, goal=[90.0, 80.0])
     monkeypatch.chdir(tmp_path)  # a file goes before a field of the same name
     for spec in (str(tmp_path / name), name):
-        field = one(spec)
+        field = get_field(spec)
         assert field.name == name.partition(".")[0]
         assert field.goal.tolist() == [90.0, 80.0]
 
@@ -67,13 +67,13 @@ def test_a_directory_names_its_json_files_in_order(tmp_path):
     for name in ("b.json", "a.json", "c.json"):
         write(tmp_path / name)
     (tmp_path / "notes.txt").write_text("not a field")
-    assert [field.name for field in select(str(tmp_path))] == ["a", "b", "c"]
+    assert [field.name for field in get_fields(str(tmp_path))] == ["a", "b", "c"]
 
 
 def test_a_broken_file_in_a_directory_is_named(tmp_path):
     write(tmp_path / "good.json")
     write(tmp_path / "worse.json", radii=[-3.0])
-    fields = select(str(tmp_path))
+    fields = get_fields(str(tmp_path))
     assert next(fields).name == "good"
     with pytest.raises(ValueError, match=r"worse\.json: radii must be positive, got -3 m"):
         next(fields)
@@ -81,7 +81,7 @@ def test_a_broken_file_in_a_directory_is_named(tmp_path):
 
 def test_an_empty_directory_is_refused(tmp_path):
     with pytest.raises(ValueError, match=f"no JSON files in directory '{tmp_path}'"):
-        select(str(tmp_path))
+        get_fields(str(tmp_path))
 
 
 @pytest.mark.parametrize(
@@ -110,31 +110,31 @@ def test_an_empty_directory_is_refused(tmp_path):
 def test_what_is_wrong_is_named_before_the_first_field(spec, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match=message):
-        select(spec)
+        get_fields(spec)
 
 
 @pytest.mark.parametrize("spec", ["paper:1-2", "standard/train:0-99"])
 def test_more_than_one_field_is_not_one(spec):
     with pytest.raises(ValueError, match=f"'{spec}' names more than one field"):
-        one(spec)
+        get_field(spec)
 
 
 @pytest.mark.parametrize("spec", ["", "x" * 300, "x" * 5000])
 def test_names_that_no_file_can_have_are_unknown_fields(spec):
     with pytest.raises(ValueError, match="fields are named"):
-        select(spec)
+        get_fields(spec)
 
 
 def test_hidden_files_of_a_directory_are_left_alone(tmp_path):
     write(tmp_path / "seen.json")
     write(tmp_path / ".seen.json.swp.json")
     (tmp_path / ".writing-x.json").write_text('{"centers": [[5')
-    assert [field.name for field in select(str(tmp_path))] == ["seen"]
+    assert [field.name for field in get_fields(str(tmp_path))] == ["seen"]
 
 
 def test_a_name_that_is_long_is_shown_in_part():
     with pytest.raises(ValueError, match=r"unknown field 'xxx.*\.\.\.: fields are named"):
-        select("x" * 5000)
+        get_fields("x" * 5000)
     with pytest.raises(ValueError, match="unknown field") as refused:
-        select("x" * 5000)
+        get_fields("x" * 5000)
     assert len(str(refused.value)) < 400

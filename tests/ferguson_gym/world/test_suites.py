@@ -16,9 +16,9 @@ from ferguson_gym.world.suites import (
     SPLITS,
     SUITES,
     Scattered,
-    altered,
     suite_discs,
     suite_field,
+    with_overrides,
 )
 from tests.support.places import DATA
 
@@ -245,18 +245,18 @@ def test_radii_that_make_no_recipe_are_refused(smallest, largest):
     ],
 )
 def test_altered_recipes_spread_obstacles_over_the_suites_designs(suite, obstacles, designs):
-    recipe = altered(suite, obstacles=obstacles)
+    recipe = with_overrides(suite, obstacles=obstacles)
     assert recipe.designs == designs
     assert (recipe.smallest, recipe.largest) == (SUITES[suite].smallest, SUITES[suite].largest)
 
 
 def test_altered_recipes_keep_what_is_not_altered():
     for suite in ("standard", "sparse", "dense", "forest"):
-        assert altered(suite) == SUITES[suite]
-        recipe = altered(suite, radii=(1, 2))
+        assert with_overrides(suite) == SUITES[suite]
+        recipe = with_overrides(suite, radii=(1, 2))
         assert recipe == replace(SUITES[suite], smallest=1.0, largest=2.0)
         assert isinstance(recipe.smallest, float)
-    own, thin = altered("standard"), altered("standard", radii=(1.0, 2.0))
+    own, thin = with_overrides("standard"), with_overrides("standard", radii=(1.0, 2.0))
     many = [suite_discs("standard", "train", 3, recipe) for recipe in (own, thin)]
     np.testing.assert_array_equal(many[0].centers, many[1].centers)
     np.testing.assert_allclose((many[0].radii - 3.0) / 4.0, many[1].radii - 1.0, atol=1e-12)
@@ -265,8 +265,8 @@ def test_altered_recipes_keep_what_is_not_altered():
 def test_recipes_that_cannot_be_altered_are_refused():
     for arguments in ({}, {"obstacles": 3}, {"radii": (1.0, 2.0)}):
         with pytest.raises(ValueError, match="suite 'traps' are fixed: they form pockets"):
-            altered("traps", **arguments)
+            with_overrides("traps", **arguments)
     with pytest.raises(ValueError, match="0 obstacles or more, got -1"):
-        altered("standard", obstacles=-1)
+        with_overrides("standard", obstacles=-1)
     with pytest.raises(ValueError, match="radii"):
-        altered("standard", radii=(2.0, 8.0))
+        with_overrides("standard", radii=(2.0, 8.0))

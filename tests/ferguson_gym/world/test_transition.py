@@ -6,7 +6,7 @@ import pytest
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.feasibility import inspect
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
@@ -14,9 +14,9 @@ from ferguson_gym.world.transition import (
     State,
     advance,
     advance_all,
-    depart,
-    follow,
+    fly_segment,
     follow_exactly,
+    initial_state,
 )
 
 OPEN = Field(name="open", obstacles=Discs([], []))
@@ -30,7 +30,7 @@ def heading_east(x, y=100.0, segments=0):
 
 def test_a_flight_departs_from_the_start_with_the_start_derivative():
     field = Field(name="f", obstacles=Discs([], []), start=[3, 4], start_derivative=[1, 2])
-    state = depart(field)
+    state = initial_state(field)
     assert state.position.tolist() == [3.0, 4.0]
     assert state.derivative.tolist() == [1.0, 2.0]
     assert state.segments == 0
@@ -51,7 +51,7 @@ def test_advancing_moves_the_state_to_the_end_of_the_segment():
 
 def test_a_step_reports_the_inspection_of_its_segment():
     field = Field(name="disc", obstacles=Discs([[50.0, 30.0]], [4.0]))
-    step = advance(field, depart(field), [0.1, -0.3, 0.2, 0.4])
+    step = advance(field, initial_state(field), [0.1, -0.3, 0.2, 0.4])
     expected = inspect(step.control, field)
     for name in ("length", "clearance", "room", "speed"):
         assert getattr(step.inspection, name) == getattr(expected, name)
@@ -71,7 +71,7 @@ def test_a_refused_segment_is_not_flown_and_keeps_the_state(end, derivative, out
     disc = Discs([[42.0, 48.0]], [2.5])
     field = Field(name="disc", obstacles=disc, bounds=[[-10, -10], [110, 55]], goal=[100, 50])
     state = State(np.array([30.0, 50.0]), np.array([4.0, 0.0]), segments=3)
-    step = follow(field, state, [state.position, end, state.derivative, derivative])
+    step = fly_segment(field, state, [state.position, end, state.derivative, derivative])
     assert step.outcome is outcome
     assert not step.flown
     assert step.state is state
@@ -119,7 +119,7 @@ def test_the_segment_moved_onto_the_goal_is_the_one_that_is_checked():
     # 14.5 m would be short enough, the 15.2 m to the goal are not
     state = heading_east(100.0 - 15.2)
     plan = [state.position, [99.3, 100.0], EAST, [14.5, 0.0]]
-    step = follow(OPEN, state, plan)
+    step = fly_segment(OPEN, state, plan)
     assert step.outcome is Outcome.TOO_LONG
     np.testing.assert_array_equal(step.control[1], OPEN.goal)
 
@@ -149,7 +149,7 @@ def test_forty_segments_are_flown_by_default():
         side = len(outcomes) % 4
         end = state.position + 5.0 * (left[side] + left[(side + 1) % 4])
         plan = [state.position, end, state.derivative, 9.0 * left[(side + 1) % 4]]
-        step = follow(OPEN, state, plan)
+        step = fly_segment(OPEN, state, plan)
         state = step.state
         outcomes.append(step.outcome)
     assert len(outcomes) == state.segments == 40
@@ -163,7 +163,7 @@ def test_the_last_segment_may_reach_the_goal():
 
 
 def test_a_last_segment_that_is_refused_is_named_for_its_fault():
-    step = follow(OPEN, heading_east(20.0, 20.0, 39), [[20, 20], [22, 20], [5, 0], [2, 0]])
+    step = fly_segment(OPEN, heading_east(20.0, 20.0, 39), [[20, 20], [22, 20], [5, 0], [2, 0]])
     assert step.outcome is Outcome.TOO_SHORT
     assert step.state.segments == 39
 
@@ -174,7 +174,7 @@ def test_following_a_segment_is_flying_its_action_bit_for_bit():
         state = State(stream.uniform(30, 70, 2), stream.normal(size=2) * 10)
         end = state.position + stream.normal(size=2) * 5
         plan = [state.position, end, state.derivative, stream.normal(size=2) * 10]
-        followed = follow(OPEN, state, plan)
+        followed = fly_segment(OPEN, state, plan)
         flown = advance(OPEN, state, encode(plan, state.position, state.derivative))
         np.testing.assert_array_equal(followed.control, flown.control)
         assert followed.outcome is flown.outcome
@@ -193,10 +193,10 @@ def weaving(segments=32):
 def test_rounding_does_not_add_up_along_a_flight():
     chain = weaving()
     field = Field(name="open", obstacles=Discs([], []), start_derivative=chain[0, 2])
-    state = depart(field)
+    state = initial_state(field)
     for number, segment in enumerate(chain, start=1):
         before = state
-        step = follow(field, state, segment)
+        step = fly_segment(field, state, segment)
         state = step.state
         np.testing.assert_array_equal(step.control[[0, 2]], [before.position, before.derivative])
         assert np.linalg.norm(state.position - segment[1]) <= 4e-6
@@ -208,7 +208,7 @@ def test_rounding_does_not_add_up_along_a_flight():
 def test_a_disturbed_vehicle_still_meets_the_end_of_its_plan():
     chain = weaving()
     pushed = State(chain[4, 0] + [0.3, -0.2], chain[4, 2] + [0.5, 0.1], segments=4)
-    step = follow(OPEN, pushed, chain[4])
+    step = fly_segment(OPEN, pushed, chain[4])
     assert step.flown
     np.testing.assert_array_equal(step.control[[0, 2]], [pushed.position, pushed.derivative])
     np.testing.assert_allclose(step.state.position, chain[4, 1], rtol=0, atol=4e-6)
@@ -217,12 +217,12 @@ def test_a_disturbed_vehicle_still_meets_the_end_of_its_plan():
 @pytest.mark.parametrize("action", [[0.0, 0.0, 0.0, 1.1], [np.nan] * 4, [0.0] * 3])
 def test_what_is_no_action_is_refused(action):
     with pytest.raises(ValueError, match="action"):
-        advance(OPEN, depart(OPEN), action)
+        advance(OPEN, initial_state(OPEN), action)
 
 
 def test_a_segment_that_no_action_expresses_is_refused():
     with pytest.raises(ValueError, match="ends 20 m away"):
-        follow(OPEN, heading_east(20.0), [[20, 100], [40, 100], [5, 0], [5, 0]])
+        fly_segment(OPEN, heading_east(20.0), [[20, 100], [40, 100], [5, 0], [5, 0]])
 
 
 def test_codes_and_names_of_outcomes_are_stable():
@@ -252,9 +252,9 @@ def test_unknown_codes_are_refused(code):
 
 
 def test_many_steps_at_once_are_those_taken_alone() -> None:
-    field = one("standard/train:1")
+    field = get_field("standard/train:1")
     stream = np.random.default_rng(0)
-    states, outcomes = [depart(field)] * 8, set()
+    states, outcomes = [initial_state(field)] * 8, set()
     for _ in range(4):
         actions = stream.uniform(-0.3, 0.3, (len(states), 4)).astype(np.float32)
         together = advance_all(field, states, actions)

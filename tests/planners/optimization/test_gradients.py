@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ferguson_gym.curves.splines import basis
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.transition import depart
+from ferguson_gym.world.transition import initial_state
 from planners.optimization.constraints import ClearanceAt, InsideAt, SpeedAt
 from planners.optimization.initial_guesses import random_chains, straight
 from planners.optimization.nonlinear_program import Problem
@@ -16,7 +16,7 @@ from planners.optimization.reference.complex_step import ByComplexStep, ComplexS
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.window import WindowSettings, final_window, horizon_window
 
-FIELD = one("paper:1")
+FIELD = get_field("paper:1")
 SETTINGS = WindowSettings()
 
 
@@ -24,7 +24,7 @@ def programme(
     final: bool, segments: int = 3, window_settings: WindowSettings = SETTINGS
 ) -> Problem:
     make = final_window if final else horizon_window
-    problem = make(FIELD, depart(FIELD), PAPER_LIMITS, window_settings, segments).sampled()
+    problem = make(FIELD, initial_state(FIELD), PAPER_LIMITS, window_settings, segments).sampled()
     t = np.array([0.31, 0.77])
     segment, obstacle = np.array([0, segments - 1]), np.array([3, 41])
     return problem.joined_by(
@@ -38,7 +38,7 @@ def programme(
 
 def random_unknowns(problem: Problem, seed: int) -> np.ndarray:
     stream = np.random.default_rng(seed)
-    (chain,) = random_chains(stream, depart(FIELD), problem.chain.segments, PAPER_LIMITS, 1)
+    (chain,) = random_chains(stream, initial_state(FIELD), problem.chain.segments, PAPER_LIMITS, 1)
     return problem.chain.unknowns(chain + stream.normal(0.0, 1.0, chain.shape))
 
 
@@ -72,22 +72,22 @@ def test_complex_step_is_exact_where_differences_are_not() -> None:
 
 
 def test_a_held_goal_is_not_among_the_unknowns() -> None:
-    problem = final_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    problem = final_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
     x = random_unknowns(problem, 0)
     assert x.shape == (10,)
     np.testing.assert_array_equal(problem.chain.control(x)[-1, 1], FIELD.goal)
 
 
 def test_unknowns_and_control_are_inverse() -> None:
-    problem = horizon_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    problem = horizon_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
     x = random_unknowns(problem, 1)
     assert x.shape == (12,)
     np.testing.assert_array_equal(problem.chain.unknowns(problem.chain.control(x)), x)
 
 
 def test_the_solver_finds_the_same_minimum_with_either_gradient() -> None:
-    problem = horizon_window(FIELD, depart(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
-    guess = problem.chain.unknowns(straight(depart(FIELD), 3, PAPER_LIMITS))
+    problem = horizon_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    guess = problem.chain.unknowns(straight(initial_state(FIELD), 3, PAPER_LIMITS))
     analytic = Slsqp().solve(problem, guess)
     stepped = ByComplexStep(Slsqp()).solve(problem, guess)
     assert analytic.converged

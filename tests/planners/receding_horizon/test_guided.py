@@ -4,22 +4,22 @@ import numpy as np
 import pytest
 
 from ferguson_gym.curves.arc_length import length
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGo
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import State, Status, depart
+from planners.interface import State, Status, initial_state
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
 
 
 def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:
-    field = one("standard/train:0")
-    togo = DistanceToGo(field)
+    field = get_field("standard/train:0")
+    togo = DistanceToGoal(field)
     objective = ToGoObjective(togo)
     stream, step, checked = np.random.default_rng(0), 1e-4, 0
     for point in stream.uniform(0.0, 100.0, (200, 2)):
@@ -43,8 +43,8 @@ def test_the_distance_goes_on_into_discs(depth: float) -> None:
     field = Field(name="disc", obstacles=Discs([[50.0, 50.0], [53.0, 50.0]], [3.0, 3.0]))
     outside = np.array([47.0, 50.0])
     inside = np.array([47.0 + depth, 50.0])
-    objective = ToGoObjective(DistanceToGo(field))
-    (expected,), _ = DistanceToGo(field)(outside[None] - [1e-6, 0.0])
+    objective = ToGoObjective(DistanceToGoal(field))
+    (expected,), _ = DistanceToGoal(field)(outside[None] - [1e-6, 0.0])
     value, slope, curvature = objective.expand(0.0, inside)
     assert value == pytest.approx(expected + depth, abs=1e-5)
     assert np.isfinite(slope).all()
@@ -56,8 +56,8 @@ def test_the_distance_goes_on_into_discs(depth: float) -> None:
 )
 def test_it_arrives_within_two_thousandths_of_the_exact_length(spec: str) -> None:
     planner = make("guided")
-    for field in select(spec):
-        plan = planner.plan(field, depart(field), 0)
+    for field in get_fields(spec):
+        plan = planner.plan(field, initial_state(field), 0)
         assert plan.success, field.name
         exact = exact_length(field)
         assert exact is not None
@@ -65,14 +65,14 @@ def test_it_arrives_within_two_thousandths_of_the_exact_length(spec: str) -> Non
 
 
 def test_nothing_is_random() -> None:
-    field = one("standard/train:3")
-    plans = [make("guided").plan(field, depart(field), seed) for seed in (0, 1)]
+    field = get_field("standard/train:3")
+    plans = [make("guided").plan(field, initial_state(field), seed) for seed in (0, 1)]
     np.testing.assert_array_equal(plans[0].control, plans[1].control)
 
 
 def test_windows_have_three_segments_until_the_goal_is_in_reach() -> None:
-    field = one("standard/train:3")
-    plan = make("guided").plan(field, depart(field), 0)
+    field = get_field("standard/train:3")
+    plan = make("guided").plan(field, initial_state(field), 0)
     chains = [decision.chain for decision in plan.decisions]
     final = [decision.report.final for decision in plan.decisions].index(True)
     for decision, chain in zip(plan.decisions[:final], chains, strict=False):
@@ -86,9 +86,9 @@ def test_windows_have_three_segments_until_the_goal_is_in_reach() -> None:
 
 def test_every_window_can_be_continued() -> None:
     """From the end of any window, not only from where it is left."""
-    field = one("dense/train:1")
+    field = get_field("dense/train:1")
     planner = make("guided")
-    plan = planner.plan(field, depart(field), 0)
+    plan = planner.plan(field, initial_state(field), 0)
     for decision in plan.decisions:
         chain = decision.chain
         assert chain is not None
@@ -103,7 +103,7 @@ def test_a_field_without_a_way_is_stuck_at_once() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
     walled = Field(name="ring", obstacles=ring)
-    plan = Guided().plan(walled, depart(walled), 0)
+    plan = Guided().plan(walled, initial_state(walled), 0)
     assert plan.status is Status.STUCK
     assert len(plan.control) == 0
 
@@ -112,7 +112,7 @@ def test_a_heading_into_a_disc_is_stuck() -> None:
     field = Field(
         name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
     )
-    assert Guided().plan(field, depart(field), 0).status is Status.STUCK
+    assert Guided().plan(field, initial_state(field), 0).status is Status.STUCK
 
 
 def test_obstacles_that_are_no_discs_are_refused() -> None:

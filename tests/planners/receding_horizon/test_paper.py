@@ -10,10 +10,10 @@ from ferguson_gym.curves.splines import derivative, evaluate
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import inspect, is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Plan, State, Status, depart
+from planners.interface import Plan, State, Status, initial_state
 from planners.optimization.certification import AIM
 from planners.optimization.initial_guesses import nothing, random_chains, shifted, straight
 from planners.optimization.reference.exchange import ByExchange, broken_rows
@@ -51,8 +51,8 @@ NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
 
 @cache
 def planned(planner: str, name: str) -> Plan:
-    field = one(name)
-    return quick(planner).plan(field, depart(field), 3)
+    field = get_field(name)
+    return quick(planner).plan(field, initial_state(field), 3)
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -62,14 +62,14 @@ def test_every_success_is_feasible_and_ends_on_the_goal(planner: str, name: str)
     # single-start alone is known to be caught, and by the trap only
     assert plan.success or (planner, name) == ("single-start", "traps/train:0")
     if plan.success:
-        assert_may_be_flown(plan, one(name))
+        assert_may_be_flown(plan, get_field(name))
         assert plan.path is not None
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_a_flight_that_is_over_needs_no_plan(planner: str) -> None:
     plan = planned(planner, "sparse/train:0")
-    there = quick(planner).plan(one("sparse/train:0"), plan.states[-1], 3)
+    there = quick(planner).plan(get_field("sparse/train:0"), plan.states[-1], 3)
     assert (there.status, there.path, len(there.control)) == (Status.SOLVED, None, 0)
     late = State(transition.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
     assert quick(planner).plan(OPEN, late, 3).status is Status.OUT_OF_SEGMENTS
@@ -80,14 +80,14 @@ def test_multi_start_reaches_the_goal_of_sparse_fields(name: str) -> None:
     plan = planned("multi-start", name)
     assert 10 <= len(plan.control) <= 12
     assert plan.path is not None
-    assert plan.path.length < 1.1 * one(name).distance
+    assert plan.path.length < 1.1 * get_field(name).distance
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
 def test_replanning_in_the_middle_gives_the_rest_of_the_plan(planner: str) -> None:
     plan = planned(planner, "sparse/train:0")
     middle = len(plan.control) - 4
-    again = quick(planner).plan(one("sparse/train:0"), plan.states[middle], 3)
+    again = quick(planner).plan(get_field("sparse/train:0"), plan.states[middle], 3)
     assert again.status is plan.status
     np.testing.assert_array_equal(again.control, plan.control[middle:])
 
@@ -109,7 +109,7 @@ def test_every_window_is_reported() -> None:
 
 
 def test_an_open_field_is_flown_straight() -> None:
-    plan = make("single-start").plan(OPEN, depart(OPEN), 0)
+    plan = make("single-start").plan(OPEN, initial_state(OPEN), 0)
     assert plan.success
     assert plan.path is not None
     assert plan.path.length == pytest.approx(OPEN.distance, rel=1e-6)
@@ -131,7 +131,7 @@ def test_a_walled_in_start_is_stuck() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
     plan = RecedingHorizon(random_starts=2).plan(
-        walled := Field(name="ring", obstacles=ring), depart(walled), 0
+        walled := Field(name="ring", obstacles=ring), initial_state(walled), 0
     )
     assert plan.status in (Status.STUCK, Status.OUT_OF_SEGMENTS)
     assert plan.path is None
@@ -150,7 +150,7 @@ def test_a_walled_in_start_is_stuck() -> None:
 )
 def test_a_start_that_points_astray_is_planned_or_stuck(planner: str, options: dict) -> None:
     field = Field(name="astray", obstacles=Discs([[6.0, 6.0]], [5.0]), **options)
-    plan = quick(planner).plan(field, depart(field), 0)
+    plan = quick(planner).plan(field, initial_state(field), 0)
     assert is_feasible(plan.control, field).all()
     assert plan.success == (plan.path is not None)
 
@@ -162,7 +162,7 @@ def test_limits_beyond_the_reach_of_actions_are_refused() -> None:
 
 def test_a_flight_ends_when_its_segments_are_used_up() -> None:
     planner = RecedingHorizon(random_starts=0, limits=replace(PAPER_LIMITS, segments=4))
-    plan = planner.plan(OPEN, depart(OPEN), 0)
+    plan = planner.plan(OPEN, initial_state(OPEN), 0)
     assert plan.status is Status.OUT_OF_SEGMENTS
     assert len(plan.control) == 4
 
@@ -171,7 +171,7 @@ def test_hundreds_of_obstacles_and_none_within_reach() -> None:
     stream = np.random.default_rng(0)
     far = Discs(stream.uniform([60.0, 5.0], [95.0, 40.0], (300, 2)), np.full(300, 1.0))
     field = Field(name="far", obstacles=far)
-    plan = make("single-start").plan(field, depart(field), 0)
+    plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.success
     assert_may_be_flown(plan, field)
 
@@ -180,8 +180,10 @@ def test_exchange_closes_what_samples_miss() -> None:
     # a disc so small that it hides between the paper's samples of a straight flight
     disc = Discs([[4.7, 4.7]], [0.08])
     field = Field(name="pin", obstacles=disc)
-    window = horizon_window(field, transition.depart(field), PAPER_LIMITS, WindowSettings(), 3)
-    guess = straight(transition.depart(field), 3, PAPER_LIMITS)
+    window = horizon_window(
+        field, transition.initial_state(field), PAPER_LIMITS, WindowSettings(), 3
+    )
+    guess = straight(transition.initial_state(field), 3, PAPER_LIMITS)
     problem = window.sampled()
     sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
     assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
@@ -215,7 +217,7 @@ def test_certification_names_the_row_that_is_broken(
 
 
 def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
-    vehicle = transition.depart(OPEN)
+    vehicle = transition.initial_state(OPEN)
     chain = straight(vehicle, 3, PAPER_LIMITS)
     guess = shifted(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
     np.testing.assert_array_equal(guess[:2], chain[1:])
@@ -223,7 +225,7 @@ def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
 
 
 def test_random_chains_keep_to_the_step_radii_and_join() -> None:
-    vehicle = transition.depart(OPEN)
+    vehicle = transition.initial_state(OPEN)
     stream = np.random.default_rng(0)
     chains = random_chains(stream, vehicle, 3, PAPER_LIMITS, 200)
     assert chains.shape == (200, 3, 4, 2)
@@ -237,8 +239,8 @@ def test_random_chains_keep_to_the_step_radii_and_join() -> None:
 
 
 def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
-    field = one("paper:1")
-    vehicle = transition.depart(field)
+    field = get_field("paper:1")
+    vehicle = transition.initial_state(field)
     near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
@@ -250,8 +252,8 @@ def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> 
 
 @pytest.mark.parametrize("number", range(1, 5))
 def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
-    field = one(f"paper:{number}")
-    vehicle = transition.depart(field)
+    field = get_field(f"paper:{number}")
+    vehicle = transition.initial_state(field)
     window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
     chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
     problem, (low, high) = window.sampled(), window.box
@@ -264,8 +266,8 @@ def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
 
 
 def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
-    field = one("sparse/train:0")
-    state, planner = depart(field), RecedingHorizon(random_starts=4)
+    field = get_field("sparse/train:0")
+    state, planner = initial_state(field), RecedingHorizon(random_starts=4)
     window = planner.window(field, state.vehicle)
     batches = list(planner.starts(window, state, 7))
     names = [[name for name, _ in batch] for batch in batches]
@@ -293,7 +295,7 @@ def test_where_starts_lead_to_nothing_more_are_drawn() -> None:
         return random_chains(stream, *sizes)
 
     planner = RecedingHorizon(random_starts=3, draws=2, random_guess=drawn)
-    state = depart(OPEN)
+    state = initial_state(OPEN)
     batches = planner.starts(planner.window(OPEN, state.vehicle), state, 0)
     assert next(batches)
     assert counts == [6]
@@ -302,15 +304,15 @@ def test_where_starts_lead_to_nothing_more_are_drawn() -> None:
 
 
 def test_without_random_starts_there_is_one() -> None:
-    state, planner = depart(OPEN), RecedingHorizon(random_starts=0)
+    state, planner = initial_state(OPEN), RecedingHorizon(random_starts=0)
     batches = list(planner.starts(planner.window(OPEN, state.vehicle), state, 0))
     assert [[name for name, _ in batch] for batch in batches] == [["straight"]]
 
 
 def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     planner = RecedingHorizon(first_guess=nothing, random_starts=1, draws=100, redraws=())
-    state = depart(field)
+    state = initial_state(field)
     window = planner.window(field, state.vehicle)
     batches = list(planner.starts(window, state, 0))
     assert [[name for name, _ in batch] for batch in batches] == [["random 1"]]
@@ -321,17 +323,17 @@ def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
 
 def test_without_any_guess_no_way_on_is_found() -> None:
     planner = RecedingHorizon(first_guess=nothing, random_starts=0)
-    decision = planner.decide(OPEN, depart(OPEN), 0)
+    decision = planner.decide(OPEN, initial_state(OPEN), 0)
     assert decision.chain is None
     assert decision.report.starts == 0
 
 
 @pytest.mark.parametrize("longest", [15.0, 30.0])
 def test_segments_flown_without_actions_keep_their_own_limits(longest: float) -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     limits = replace(PAPER_LIMITS, longest=longest)
     planner = RecedingHorizon(limits=limits, follow=transition.follow_exactly)
-    plan = planner.plan(field, depart(field), 0)
+    plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     control = plan.control
     assert is_feasible(control, field, limits, AIM).all()
@@ -357,22 +359,22 @@ def test_near_the_goal_fewer_segments_are_planned(distance: float, segments: int
 
 @pytest.mark.parametrize("number", range(1, 5))
 def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
-    field = one(f"paper:{number}")
+    field = get_field(f"paper:{number}")
     hasty, patient = RecedingHorizon(deadline=1e-9), RecedingHorizon()
-    decision = hasty.decide(field, depart(field), 0)
+    decision = hasty.decide(field, initial_state(field), 0)
     assert decision.report.cut_short
     if decision.chain is not None:
         assert is_feasible(decision.chain, field, tolerance=AIM).all()
-        better = patient.decide(field, depart(field), 0).report
+        better = patient.decide(field, initial_state(field), 0).report
         assert not better.cut_short
         assert better.objective <= decision.report.objective
-    plan = hasty.plan(field, depart(field), 0)
+    plan = hasty.plan(field, initial_state(field), 0)
     assert is_feasible(plan.control, field).all()
     assert all(d.report.cut_short or d.report.start == "planned" for d in plan.decisions)
 
 
 def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
-    vehicle = transition.depart(OPEN)
+    vehicle = transition.initial_state(OPEN)
     chain = straight(vehicle, 3, PAPER_LIMITS)
     # the shifted plan ends in a segment without length: no start is feasible
     state = State(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:])
@@ -384,8 +386,8 @@ def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> Non
 
 def test_a_planner_takes_any_solver_of_windows() -> None:
     planner = RecedingHorizon(random_starts=0, solver=ByExchange(Slsqp()))
-    field = one("sparse/train:0")
-    plan = planner.plan(field, depart(field), 0)
+    field = get_field("sparse/train:0")
+    plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     assert_may_be_flown(plan, field)
 
@@ -397,4 +399,4 @@ def test_an_unknown_planner_is_refused_by_name() -> None:
 
 def test_clearance_of_a_plan_is_contact_or_more() -> None:
     plan = planned("multi-start", "sparse/train:0")
-    assert inspect(plan.control, one("sparse/train:0")).clearance.min() >= -1e-5
+    assert inspect(plan.control, get_field("sparse/train:0")).clearance.min() >= -1e-5

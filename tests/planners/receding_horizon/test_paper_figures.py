@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from agents.evaluation.run import evaluate
-from ferguson_gym.world.field_names import select
+from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.paper_fields import TABLE_I
 
 
 @pytest.mark.slow
 def test_multi_start_gives_the_papers_figures(tmp_path: Path) -> None:
-    evaluate(["multi-start"], list(select("paper:1-4")), range(30), tmp_path, workers=2)
+    evaluate(["multi-start"], list(get_fields("paper:1-4")), range(30), tmp_path, workers=2)
     with (tmp_path / "flights.csv").open(newline="") as file:
         table = list(csv.DictReader(file))
     for number in range(1, 5):

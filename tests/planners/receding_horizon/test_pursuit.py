@@ -13,17 +13,17 @@ from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
-from ferguson_gym.world.transition import follow
-from planners.interface import Plan, Replanner, State, Status, depart
+from ferguson_gym.world.transition import fly_segment
+from planners.interface import Plan, Replanner, State, Status, initial_state
 from planners.receding_horizon.pursuit import Pursuit, surroundings
 from planners.registry import make
 
 NAMES = [
     field.name
     for spec in ("standard/train:0-4", "dense/train:0-3", "traps/train:0-3")
-    for field in select(spec)
+    for field in get_fields(spec)
 ]
 ALONG, ACROSS = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([-1.0, 1.0]) / np.sqrt(2.0)
 OPEN = Field(name="open", obstacles=Discs([], []))
@@ -31,12 +31,12 @@ OPEN = Field(name="open", obstacles=Discs([], []))
 
 @cache
 def field_of(name: str) -> Field:
-    return one(name)
+    return get_field(name)
 
 
 @cache
 def planned(name: str) -> Plan:
-    return Pursuit().plan(field_of(name), depart(field_of(name)), 0)
+    return Pursuit().plan(field_of(name), initial_state(field_of(name)), 0)
 
 
 def at(*places: tuple[float, float, float]) -> Field:
@@ -102,7 +102,7 @@ def test_the_margin_is_kept_nearly_where_there_is_room() -> None:
 @pytest.mark.parametrize("margin", [0.3, 0.8, 1.5])
 def test_a_single_disc_is_passed_at_about_the_margin(margin: float) -> None:
     field = at((60.0, 1.0, 6.0))
-    plan = Pursuit(margin=margin).plan(field, depart(field), 0)
+    plan = Pursuit(margin=margin).plan(field, initial_state(field), 0)
     assert plan.success
     clearance = float(field.obstacles.clearance(plan.control).min())
     assert margin - 0.35 < clearance < margin + 0.1
@@ -114,7 +114,7 @@ def test_a_gap_a_little_wider_stays_open_and_one_narrower_is_a_wall(narrowest: f
     for wide, far in ((narrowest + 0.05, 0.0), (narrowest - 0.05, 20.0)):
         field = wall((0.0, wide), (20.0, 6.0))
         assert surroundings(field, 0.8, narrowest).margins.max() == pytest.approx(0.8)
-        plan = planner.plan(field, depart(field), 0)
+        plan = planner.plan(field, initial_state(field), 0)
         assert plan.success
         assert crossing(plan.control) == pytest.approx(far, abs=4.0)
 
@@ -135,7 +135,7 @@ def test_start_and_goal_stay_outside_of_what_is_grown() -> None:
 
 def test_where_the_only_gap_is_too_narrow_the_rescue_flies_through() -> None:
     field = wall((0.0, 0.5))
-    plan = Pursuit().plan(field, depart(field), 0)
+    plan = Pursuit().plan(field, initial_state(field), 0)
     assert plan.success
     assert abs(crossing(plan.control)) < 1.0
     assert any(decision.report.starts for decision in plan.decisions)
@@ -165,7 +165,7 @@ def test_from_inside_margins_that_overlap_a_way_is_found() -> None:
 
 def test_strides_are_near_the_one_asked_for_and_a_whole_number_of_them_arrives() -> None:
     for stride, number in ((7.0, 20), (5.25, 27), (9.0, 16)):
-        plan = Pursuit(stride=stride).plan(OPEN, depart(OPEN), 0)
+        plan = Pursuit(stride=stride).plan(OPEN, initial_state(OPEN), 0)
         assert len(plan.control) == number
         chords = np.linalg.norm(plan.control[:, 1] - plan.control[:, 0], axis=1)
         np.testing.assert_allclose(chords, OPEN.distance / number, rtol=1e-4)
@@ -180,7 +180,7 @@ def test_strides_are_near_the_one_asked_for_and_a_whole_number_of_them_arrives()
 def test_the_seed_changes_nothing() -> None:
     field = field_of(NAMES[0])
     for seed in (1, 2**40):
-        again = Pursuit().plan(field, depart(field), seed)
+        again = Pursuit().plan(field, initial_state(field), seed)
         np.testing.assert_array_equal(again.control, planned(NAMES[0]).control)
 
 
@@ -189,7 +189,7 @@ def test_planning_from_any_state_on_the_way_gives_the_rest(name: str) -> None:
     plan = planned(name)
     for flown, state in enumerate(plan.states[:-1]):
         # of the state no more is needed than where the vehicle is
-        again = Pursuit().plan(one(name), State(state.vehicle), 0)
+        again = Pursuit().plan(get_field(name), State(state.vehicle), 0)
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
@@ -207,7 +207,7 @@ def test_what_is_meant_to_follow_is_what_is_decided_next() -> None:
     last = meant[-1]
     assert last is not None
     assert len(last) == 1
-    assert follow(field, plan.states[-2].vehicle, last[0]).flown
+    assert fly_segment(field, plan.states[-2].vehicle, last[0]).flown
 
 
 def test_decisions_are_steady_under_small_errors_of_the_state() -> None:
@@ -259,7 +259,7 @@ def test_it_is_in_the_catalog_and_takes_the_options_of_what_decides_step_by_step
     assert isinstance(planner, Replanner)
     field = field_of("standard/train:0")
     for name in ("pursuit+sensing=30", "pursuit+backtrack", "pursuit+margin=0.2"):
-        plan = make(name).plan(field, depart(field), 0)
+        plan = make(name).plan(field, initial_state(field), 0)
         assert plan.success
         assert is_feasible(plan.control, field).all()
     with pytest.raises(ValueError, match="planner 'pursuit' keeps no turn radius; guided does"):

@@ -14,10 +14,10 @@ from ferguson_gym.curves.splines import (
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius, too_sharp_at
-from planners.interface import Status, depart
+from planners.interface import Status, initial_state
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.sqp.contacts import CONTACT, Piece, row_weights
 from planners.optimization.sqp.elastic_sqp import ElasticSqp, Search
@@ -189,10 +189,10 @@ def test_a_search_keeps_the_radius_where_the_shortest_chain_does_not() -> None:
     field = Field(
         name="aside", obstacles=Discs(np.empty((0, 2)), []), start_derivative=np.array([5.0, -5.0])
     )
-    vehicle = depart(field).vehicle
+    vehicle = initial_state(field).vehicle
     ways = []
     for radius in (None, 4.0):
-        plan = Guided(min_turn_radius=radius).plan(field, depart(field), 0)
+        plan = Guided(min_turn_radius=radius).plan(field, initial_state(field), 0)
         assert plan.success
         ways.append(plan.control)
     assert not keeps_turn_radius(ways[0], 4.0).all()
@@ -205,8 +205,8 @@ def test_a_search_keeps_the_radius_where_the_shortest_chain_does_not() -> None:
 def test_every_flight_is_certified_to_keep_the_radius(radius: float) -> None:
     free, bound = make("guided"), Guided(min_turn_radius=radius)
     sharp = 0
-    for field in select("standard/train:2-7"):
-        plan = bound.plan(field, depart(field), 0)
+    for field in get_fields("standard/train:2-7"):
+        plan = bound.plan(field, initial_state(field), 0)
         assert plan.success, field.name
         assert keeps_turn_radius(plan.control, radius).all(), field.name
         assert is_feasible(plan.control, field).all(), field.name
@@ -215,7 +215,7 @@ def test_every_flight_is_certified_to_keep_the_radius(radius: float) -> None:
         for decision in plan.decisions:
             assert decision.chain is not None
             assert keeps_turn_radius(decision.chain[1:], radius).all()
-        turned = free.plan(field, depart(field), 0)
+        turned = free.plan(field, initial_state(field), 0)
         sharp += not keeps_turn_radius(turned.control, radius).all()
         assert plan.path is not None
         assert turned.path is not None
@@ -224,21 +224,21 @@ def test_every_flight_is_certified_to_keep_the_radius(radius: float) -> None:
 
 
 def test_replanning_in_the_middle_flies_the_same() -> None:
-    field = one("standard/train:3")
+    field = get_field("standard/train:3")
     planner = Guided(min_turn_radius=3.0)
-    whole = planner.plan(field, depart(field), 0)
+    whole = planner.plan(field, initial_state(field), 0)
     rest = planner.plan(field, whole.states[5], 0)
     np.testing.assert_array_equal(rest.control, whole.control[5:])
 
 
 def test_a_detour_is_flown_where_the_way_is_too_sharp() -> None:
     """The disc ahead leaves only room for ways of farther classes."""
-    field = one("standard/train:1")
-    plan = Guided(min_turn_radius=5.0).plan(field, depart(field), 0)
+    field = get_field("standard/train:1")
+    plan = Guided(min_turn_radius=5.0).plan(field, initial_state(field), 0)
     assert plan.success
     assert keeps_turn_radius(plan.control, 5.0).all()
     assert int(plan.decisions[0].report.start.split()[-1]) > Guided().classes
-    turned_into = Guided(min_turn_radius=5.0, detours=0).decide(field, depart(field), 0)
+    turned_into = Guided(min_turn_radius=5.0, detours=0).decide(field, initial_state(field), 0)
     assert turned_into.report.start.startswith("turned to class")
 
 
@@ -273,7 +273,7 @@ def test_a_flight_that_heads_away_turns_back(degrees: float) -> None:
         start=np.array([40.0, 40.0]),
         start_derivative=5.0 * np.array([np.cos(angle), np.sin(angle)]),
     )
-    plan = Guided(min_turn_radius=5.0).plan(field, depart(field), 0)
+    plan = Guided(min_turn_radius=5.0).plan(field, initial_state(field), 0)
     assert plan.success
     assert keeps_turn_radius(plan.control, 5.0).all()
     assert plan.path is not None
@@ -294,7 +294,7 @@ def test_a_disc_too_near_to_turn_away_from_is_stuck_without_a_flight() -> None:
     for radius, can in ((2.5, True), (3.5, True), (3.8, False), (6.0, False)):
         # the circles' centres are sqrt(9^2 + R^2) from the disc's, clear if that is R + 6
         assert (np.hypot(9.0, radius) > radius + 6.0) == can
-        plan = Guided(min_turn_radius=radius).plan(field, depart(field), 0)
+        plan = Guided(min_turn_radius=radius).plan(field, initial_state(field), 0)
         assert plan.success == can, radius
         if not can:
             assert plan.status is Status.STUCK
@@ -302,10 +302,10 @@ def test_a_disc_too_near_to_turn_away_from_is_stuck_without_a_flight() -> None:
 
 
 def test_solvers_that_know_no_turns_refuse() -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     planner = Guided(min_turn_radius=3.0, solver=ByExchange())
     with pytest.raises(ValueError, match=r"knows no turn radius, got 3.0 m; .*MultiStart"):
-        planner.decide(field, depart(field), 0)
+        planner.decide(field, initial_state(field), 0)
 
 
 def test_the_weights_of_third_derivatives_are_the_splines() -> None:
@@ -317,8 +317,8 @@ def test_the_weights_of_third_derivatives_are_the_splines() -> None:
 @pytest.mark.slow
 def test_flights_of_two_and_a_half_metres_arrive() -> None:
     planner, arrived = Guided(min_turn_radius=2.5), 0
-    for field in select("standard/train:0-99"):
-        plan = planner.plan(field, depart(field), 0)
+    for field in get_fields("standard/train:0-99"):
+        plan = planner.plan(field, initial_state(field), 0)
         if plan.success:
             arrived += 1
             assert keeps_turn_radius(plan.control, 2.5).all(), field.name

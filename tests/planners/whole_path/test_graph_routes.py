@@ -9,10 +9,10 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Route, Router, Status, depart
+from planners.interface import Route, Router, Status, initial_state
 from planners.registry import make
 from planners.whole_path.astar import AStar
 from planners.whole_path.voronoi import VoronoiEdges
@@ -34,7 +34,7 @@ def across(centers: object, radii: object) -> Field:
 
 def route(router: Router, field: Field) -> Route | None:
     """The route from the start, seen to be what it must."""
-    found = router.route(field, transition.depart(field), 0)
+    found = router.route(field, transition.initial_state(field), 0)
     if found is not None:
         points = found.points
         np.testing.assert_array_equal(points[0], field.start)
@@ -133,14 +133,16 @@ def test_a_wide_field_gets_a_coarser_grid() -> None:
 @every_router
 @pytest.mark.parametrize("name", ["standard/train:0-9", "dense/train:0-2", "traps/train:0-2"])
 def test_routes_through_the_suites(router: Router, name: str) -> None:
-    for field in select(name):
+    for field in get_fields(name):
         assert route(router, field) is not None
 
 
 @every_router
 def test_the_seed_changes_nothing(router: Router) -> None:
-    field = one("standard/train:3")
-    first, *others = (router.route(field, transition.depart(field), seed) for seed in (0, 0, 1))
+    field = get_field("standard/train:3")
+    first, *others = (
+        router.route(field, transition.initial_state(field), seed) for seed in (0, 0, 1)
+    )
     assert first is not None
     for other in others:
         assert other is not None
@@ -195,8 +197,8 @@ def test_in_any_field_routes_are_clear(field: Field) -> None:
 
 @pytest.mark.parametrize("name", ["voronoi", "astar"])
 def test_plans_are_feasible(name: str) -> None:
-    for field in select("standard/train:0-4"):
-        plan = make(name).plan(field, depart(field), 0)
+    for field in get_fields("standard/train:0-4"):
+        plan = make(name).plan(field, initial_state(field), 0)
         assert plan.status is Status.SOLVED
         assert is_feasible(plan.control, field).all()
         np.testing.assert_allclose(plan.control[-1, 1], field.goal, atol=PAPER_LIMITS.tolerance)

@@ -16,7 +16,7 @@ import pytest
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import CrashedError, Iterations, Route, Seconds
 from planners.registry import make
@@ -44,7 +44,7 @@ def ring(center: float) -> Field:
 
 
 def found(router: Ompl, field: Field, seed: int = 0) -> Route:
-    route = router.route(field, transition.depart(field), seed)
+    route = router.route(field, transition.initial_state(field), seed)
     assert route is not None
     return route
 
@@ -68,7 +68,7 @@ def test_routes_are_clear_end_right_and_are_no_shorter_than_the_shortest(
     name: str, simplify: bool
 ) -> None:
     router = replace(ROUTERS[name], simplify=simplify)
-    for field in select("standard/train:0-4"):
+    for field in get_fields("standard/train:0-4"):
         route = found(router, field)
         assert depth(route, field) <= 1e-9
         low, high = field.bounds
@@ -84,7 +84,7 @@ def test_routes_are_clear_end_right_and_are_no_shorter_than_the_shortest(
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_progress_goes_on_in_time_and_down_to_the_routes_length(name: str) -> None:
-    route = found(ROUTERS[name], one("standard/train:1"))
+    route = found(ROUTERS[name], get_field("standard/train:1"))
     seconds, lengths = np.array(route.progress).T
     assert (np.diff(seconds) >= 0.0).all()
     assert (np.diff(lengths) < 0.0).all()
@@ -106,7 +106,7 @@ def test_the_time_that_a_problem_takes_to_pose_counts(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_simplifying_shortens(name: str) -> None:
-    field = one("standard/train:1")
+    field = get_field("standard/train:1")
     plain = found(replace(ROUTERS[name], simplify=False), field)
     simplified = found(ROUTERS[name], field)
     assert simplified.length < plain.length
@@ -117,7 +117,7 @@ def test_simplifying_shortens(name: str) -> None:
 @pytest.fixture(scope="module")
 def first_routes() -> dict[str, Route]:
     """Each planned by a process that has planned nothing before."""
-    field = one("standard/train:2")
+    field = get_field("standard/train:2")
     return {
         name: found(replace(router, worker=Worker(WORKER)), field, 7)
         for name, router in ROUTERS.items()
@@ -128,7 +128,7 @@ def first_routes() -> dict[str, Route]:
 def test_the_same_seed_gives_the_same_route_whatever_was_planned_before(
     name: str, first_routes: dict[str, Route]
 ) -> None:
-    field, router, first = one("standard/train:2"), ROUTERS[name], first_routes[name]
+    field, router, first = get_field("standard/train:2"), ROUTERS[name], first_routes[name]
     other = found(router, field, 8)
     again = found(router, field, 7)
     np.testing.assert_array_equal(first.points, again.points)
@@ -144,7 +144,7 @@ def test_the_same_seed_gives_the_same_route_whatever_was_planned_before(
 @pytest.mark.parametrize("center", [0.0, 100.0])
 def test_a_walled_in_start_or_goal_leaves_no_route(name: str, center: float) -> None:
     field = ring(center)
-    assert ROUTERS[name].route(field, transition.depart(field), 0) is None
+    assert ROUTERS[name].route(field, transition.initial_state(field), 0) is None
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -152,7 +152,7 @@ def test_a_budget_in_seconds_is_kept(name: str) -> None:
     found(router := replace(ROUTERS[name], budget=Seconds(0.3)), OPEN)
     began = time.perf_counter()
     field = ring(100.0)
-    assert router.route(field, transition.depart(field), 0) is None
+    assert router.route(field, transition.initial_state(field), 0) is None
     # a roadmap is not grown on where its next search would end too late
     least = 0.15 if name == "prm" else 0.3
     assert least <= time.perf_counter() - began < 3.0
@@ -163,7 +163,7 @@ def test_without_room_to_draw_from_planning_ends(name: str) -> None:
     # the disc's circle passes through start and goal, and all else is inside
     disc = Discs([[50.0, 50.0]], [50.0 * np.sqrt(2.0)])
     field = Field(name="full", obstacles=disc, bounds=np.array([0.0, 100.0]))
-    assert ROUTERS[name].route(field, transition.depart(field), 0) is None
+    assert ROUTERS[name].route(field, transition.initial_state(field), 0) is None
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -202,27 +202,27 @@ def test_only_discs_in_the_plane_are_understood() -> None:
 
 
 def test_a_worker_killed_in_the_middle_is_a_crash_and_the_next_plan_works() -> None:
-    field = one("standard/train:0")
+    field = get_field("standard/train:0")
     before = found(ROUTERS["rrt-star"], field)
     endless = replace(ROUTERS["rrt-star"], budget=Iterations(10**9))
     killed = threading.Timer(0.5, lambda: os.kill(shared_worker().pid or 0, signal.SIGSEGV))
     killed.start()
     with pytest.raises(CrashedError, match="ended with exit status -11"):
-        endless.route(field, transition.depart(field), 0)
+        endless.route(field, transition.initial_state(field), 0)
     killed.join()
     np.testing.assert_array_equal(found(ROUTERS["rrt-star"], field).points, before.points)
 
 
 def test_what_takes_longer_than_patience_is_a_crash() -> None:
-    field = one("standard/train:0")
+    field = get_field("standard/train:0")
     hasty = replace(ROUTERS["rrt-star"], budget=Iterations(10**9), patience=0.5)
     with pytest.raises(CrashedError, match=r"did not answer within 0\.5 s"):
-        hasty.route(field, transition.depart(field), 0)
+        hasty.route(field, transition.initial_state(field), 0)
 
 
 def test_a_router_can_be_sent_elsewhere() -> None:
     router = pickle.loads(pickle.dumps(ROUTERS["rrt"]))
-    field = one("standard/train:0")
+    field = get_field("standard/train:0")
     np.testing.assert_array_equal(found(router, field).points, found(ROUTERS["rrt"], field).points)
 
 
@@ -249,7 +249,7 @@ def test_planners_are_imported_without_ompl() -> None:
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_the_catalogs_planners_repeat_bit_for_bit(name: str) -> None:
     router = make(name).router  # type: ignore[attr-defined]
-    for field in select("standard/train:0-2"):
+    for field in get_fields("standard/train:0-2"):
         np.testing.assert_array_equal(
             found(router, field, 1).points,
             found(replace(router, worker=Worker(WORKER)), field, 1).points,
@@ -260,7 +260,7 @@ def test_the_catalogs_planners_repeat_bit_for_bit(name: str) -> None:
 def test_two_seconds_of_bit_star_come_close_to_the_shortest() -> None:
     router = Ompl(algorithm="bit-star", budget=Seconds(2.0))
     gaps = []
-    for field in select("standard/train:0-4"):
+    for field in get_fields("standard/train:0-4"):
         exact = exact_length(field)
         assert exact is not None
         gaps.append(found(router, field).length / exact - 1.0)

@@ -12,14 +12,14 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
-from planners.interface import CrashedError, Route, State, Status, depart
+from planners.interface import CrashedError, Route, State, Status, initial_state
 from planners.optimization.certification import AIM
 from planners.registry import make
-from planners.whole_path.exact import Exact
+from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.planner import WholePath
 from planners.whole_path.route_fit import fit
 
@@ -57,8 +57,8 @@ class Given:
 )
 def test_the_exact_path_is_flown_within_a_thousandth(spec: str) -> None:
     planner = make("shortest")
-    for field in select(spec):
-        plan = planner.plan(field, depart(field), 0)
+    for field in get_fields(spec):
+        plan = planner.plan(field, initial_state(field), 0)
         assert plan.success, field.name
         assert plan.route is not None
         control, exact = plan.control, exact_length(field)
@@ -73,7 +73,7 @@ def test_the_exact_path_is_flown_within_a_thousandth(spec: str) -> None:
 
 def test_the_fit_pulls_a_detour_taut() -> None:
     corner = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0]])
-    chain = fit(corner, OPEN, transition.depart(OPEN), PAPER_LIMITS)
+    chain = fit(corner, OPEN, transition.initial_state(OPEN), PAPER_LIMITS)
     assert chain is not None
     assert length(chain).sum() == pytest.approx(100.0 * np.sqrt(2.0), rel=1e-6)
 
@@ -86,7 +86,7 @@ def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
     for side in (1.0, -1.0):
         beside = 50.0 + side * 40.0 * np.array([-1.0, 1.0]) / np.sqrt(2.0)
         route = np.array([[0.0, 0.0], beside, [100.0, 100.0]])
-        chain = fit(route, wall, transition.depart(wall), PAPER_LIMITS)
+        chain = fit(route, wall, transition.initial_state(wall), PAPER_LIMITS)
         assert chain is not None
         assert is_feasible(chain, wall, PAPER_LIMITS, AIM).all()
         middle = chain[:, 1][np.abs(chain[:, 1].sum(axis=1) - 100.0).argmin()]
@@ -96,8 +96,8 @@ def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
 
 
 def test_a_route_is_fitted_from_the_middle_of_a_flight() -> None:
-    field = one("standard/train:0")
-    whole = make("shortest").plan(field, depart(field), 0)
+    field = get_field("standard/train:0")
+    whole = make("shortest").plan(field, initial_state(field), 0)
     state = whole.states[5]
     rest = make("shortest").plan(field, State(state.vehicle), 0)
     assert rest.success
@@ -109,11 +109,15 @@ def test_a_route_is_fitted_from_the_middle_of_a_flight() -> None:
 
 def test_segments_left_bound_the_fit() -> None:
     few = Limits(segments=9)  # 9 x 15 m are less than the diagonal
-    plan = WholePath(router=Exact(), limits=few).plan(OPEN, depart(OPEN), 0)
+    plan = WholePath(router=ShortestPathRouter(), limits=few).plan(OPEN, initial_state(OPEN), 0)
     assert plan.status is Status.NOT_FITTED
     assert plan.status.outcome is Outcome.GAVE_UP
     assert len(plan.control) == 0
-    assert WholePath(router=Exact(), limits=Limits(segments=10)).plan(OPEN, depart(OPEN), 0).success
+    assert (
+        WholePath(router=ShortestPathRouter(), limits=Limits(segments=10))
+        .plan(OPEN, initial_state(OPEN), 0)
+        .success
+    )
 
 
 @pytest.mark.parametrize("flown", [40, 41])
@@ -129,15 +133,15 @@ def test_a_heading_into_a_disc_cannot_be_fitted() -> None:
     field = Field(
         name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
     )
-    plan = make("shortest").plan(field, depart(field), 0)
+    plan = make("shortest").plan(field, initial_state(field), 0)
     assert plan.status is Status.NOT_FITTED
     assert plan.route is not None
 
 
 def test_no_route_and_a_crash_are_failures_with_a_name() -> None:
-    none = WholePath(router=Given(None)).plan(OPEN, depart(OPEN), 0)
+    none = WholePath(router=Given(None)).plan(OPEN, initial_state(OPEN), 0)
     assert (none.status, none.route, none.path) == (Status.NO_ROUTE, None, None)
-    crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, depart(OPEN), 0)
+    crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, initial_state(OPEN), 0)
     assert crash.status is Status.CRASHED
     walled = Field(
         name="walled",
@@ -146,17 +150,17 @@ def test_no_route_and_a_crash_are_failures_with_a_name() -> None:
             np.full(32, 1.0),
         ),
     )
-    assert make("shortest").plan(walled, depart(walled), 0).status is Status.NO_ROUTE
+    assert make("shortest").plan(walled, initial_state(walled), 0).status is Status.NO_ROUTE
 
 
 def test_routes_with_repeated_points_are_fitted() -> None:
     points = np.repeat(np.array([[0.0, 0.0], [30.0, 50.0], [100.0, 100.0]]), 3, axis=0)
-    plan = WholePath(router=Given(points)).plan(OPEN, depart(OPEN), 0)
+    plan = WholePath(router=Given(points)).plan(OPEN, initial_state(OPEN), 0)
     assert plan.success
 
 
 def test_the_report_counts_all_the_time_there_is() -> None:
-    plan = make("shortest").plan(OPEN, depart(OPEN), 0)
+    plan = make("shortest").plan(OPEN, initial_state(OPEN), 0)
     assert plan.route is not None
     (decision,) = plan.decisions
     assert decision.report.seconds >= plan.route.progress[-1][0] > 0.0
@@ -164,13 +168,15 @@ def test_the_report_counts_all_the_time_there_is() -> None:
 
 
 def test_a_crooked_route_buys_no_better_chain_than_a_straight_one() -> None:
-    field = one("sparse/train:1")
-    straight = make("shortest").plan(field, depart(field), 0)
+    field = get_field("sparse/train:1")
+    straight = make("shortest").plan(field, initial_state(field), 0)
     assert straight.route is not None
     points = straight.route.points[::20]
     # to and fro along the way
     crooked = np.concatenate([[a, b, a] for a, b in itertools.pairwise(points)])
-    plan = WholePath(router=Given(np.vstack([crooked, field.goal]))).plan(field, depart(field), 0)
+    plan = WholePath(router=Given(np.vstack([crooked, field.goal]))).plan(
+        field, initial_state(field), 0
+    )
     assert plan.route is not None
     assert plan.route.length > 2.0 * straight.route.length
     assert len(plan.control) == len(straight.control)
@@ -178,5 +184,5 @@ def test_a_crooked_route_buys_no_better_chain_than_a_straight_one() -> None:
 
 
 def test_a_crash_is_told() -> None:
-    crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, depart(OPEN), 0)
+    crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, initial_state(OPEN), 0)
     assert crash.reason == "injected"

@@ -10,7 +10,7 @@ from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import Evaluations, Route, Seconds
@@ -29,7 +29,7 @@ FEW = Evaluations(20_000)
 
 
 def objective_of(field: Field, encoding: Encoding, penalties: Penalties) -> ChainObjective:
-    return chain_objective(field, transition.depart(field), encoding, penalties)
+    return chain_objective(field, transition.initial_state(field), encoding, penalties)
 
 
 def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penalties) -> float:
@@ -52,7 +52,7 @@ def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penal
 
 @pytest.mark.parametrize("name", ["standard/train:0", "dense/train:1", "forest/train:2"])
 def test_the_objective_is_length_and_penalties(name: str) -> None:
-    field, penalties = one(name), Penalties()
+    field, penalties = get_field(name), Penalties()
     objective = objective_of(field, Encoding(), penalties)
     stream = np.random.default_rng(0)
     for reach in (0.0, 0.1, 0.5, 1.0, 1.0, 1.0):  # the last leave the bounds
@@ -136,14 +136,14 @@ def swarms(request: pytest.FixtureRequest) -> Swarms:
 
 
 def routes(swarms: Swarms, field: Field, *seeds: int) -> list[Route]:
-    found = [swarms.route(field, transition.depart(field), seed) for seed in seeds]
+    found = [swarms.route(field, transition.initial_state(field), seed) for seed in seeds]
     assert all(route is not None for route in found)
     return [route for route in found if route is not None]
 
 
 @pytest.mark.parametrize("name", ["standard/train:0", "sparse/train:1"])
 def test_a_route_is_clear_and_leads_to_the_goal(swarms: Swarms, name: str) -> None:
-    field = one(name)
+    field = get_field(name)
     (route,) = routes(swarms, field, 0)
     np.testing.assert_array_equal(route.points[0], field.start)
     np.testing.assert_allclose(route.points[-1], field.goal, rtol=0.0, atol=1e-9)
@@ -164,7 +164,7 @@ def test_a_route_is_clear_and_leads_to_the_goal(swarms: Swarms, name: str) -> No
 
 
 def test_a_seed_gives_one_route(swarms: Swarms) -> None:
-    first, again, other = routes(swarms, one("sparse/train:1"), 0, 0, 1)
+    first, again, other = routes(swarms, get_field("sparse/train:1"), 0, 0, 1)
     np.testing.assert_array_equal(first.points, again.points)
     assert first.length == again.length
     assert first.evaluations == again.evaluations
@@ -172,8 +172,8 @@ def test_a_seed_gives_one_route(swarms: Swarms) -> None:
 
 
 def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> None:
-    field = one("sparse/train:1")
-    start = transition.depart(field)
+    field = get_field("sparse/train:1")
+    start = transition.initial_state(field)
     first = swarms.route(field, start, 0)
     later = swarms.route(field, replace(start, segments=3), 0)
     assert first is not None
@@ -184,7 +184,7 @@ def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> N
 def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
     wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     field = Field(name="wall", obstacles=wall)
-    assert swarms.route(field, transition.depart(field), 0) is None
+    assert swarms.route(field, transition.initial_state(field), 0) is None
 
 
 @pytest.mark.parametrize(("goal", "flown"), [(1e6, 0), (601.0, 0), (100.0, 34)])
@@ -196,8 +196,8 @@ def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, fl
 
 
 def test_seconds_end_a_search(swarms: Swarms) -> None:
-    field = one("sparse/train:1")
+    field = get_field("sparse/train:1")
     brief = replace(swarms, budget=Seconds(1e-9))
-    route = brief.route(field, transition.depart(field), 0)
+    route = brief.route(field, transition.initial_state(field), 0)
     # one look, after the first generations
     assert route is None or route.evaluations < 0.2 * FEW.count

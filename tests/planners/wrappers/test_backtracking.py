@@ -8,10 +8,10 @@ import pytest
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Decision, Plan, State, Status, WindowReport, depart
+from planners.interface import Decision, Plan, State, Status, WindowReport, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make, named
 from planners.rollout import roll_out
@@ -42,7 +42,7 @@ def visiting(*points: tuple[float, float]) -> State:
 
 
 def test_idle_counts_segments_since_the_nearest_place() -> None:
-    assert idle(OPEN, depart(OPEN)) == 0
+    assert idle(OPEN, initial_state(OPEN)) == 0
     assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18))) == 0
     assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (8, 18))) == 2
     assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (19, 18))) == 0
@@ -50,18 +50,18 @@ def test_idle_counts_segments_since_the_nearest_place() -> None:
 
 @pytest.mark.parametrize("name", ["multi-start", "single-start"])
 def test_without_a_dead_end_nothing_changes(name: str) -> None:
-    field = one("sparse/train:2")
-    plan = make(name).plan(field, depart(field), 0)
-    again = make(f"{name}+backtrack").plan(field, depart(field), 0)
+    field = get_field("sparse/train:2")
+    plan = make(name).plan(field, initial_state(field), 0)
+    again = make(f"{name}+backtrack").plan(field, initial_state(field), 0)
     np.testing.assert_array_equal(again.control, plan.control)
 
 
 def test_the_paper_s_planner_is_led_out_of_a_pocket() -> None:
-    field = one("traps/train:0")
-    plain = make("multi-start").plan(field, depart(field), 0)
+    field = get_field("traps/train:0")
+    plain = make("multi-start").plan(field, initial_state(field), 0)
     assert plain.status is Status.OUT_OF_SEGMENTS
     planner = make("multi-start+backtrack")
-    plan = planner.plan(field, depart(field), 0)
+    plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     guided = [decision.report.start.startswith("class") for decision in plan.decisions]
     waited = [idle(field, state) for state in plan.states[: len(guided)]]
@@ -88,14 +88,14 @@ def test_it_flies_back_where_nobody_knows_a_way_on() -> None:
 
 
 def test_who_has_been_nowhere_cannot_fly_back() -> None:
-    plan = Backtracking(planner=Stuck(), guide=Stuck()).plan(OPEN, depart(OPEN), 0)
+    plan = Backtracking(planner=Stuck(), guide=Stuck()).plan(OPEN, initial_state(OPEN), 0)
     assert plan.status is Status.STUCK
 
 
 def test_a_planner_without_a_way_on_is_replaced_by_its_guide() -> None:
     planner = Backtracking(planner=Stuck(), guide=Guided())
-    plan = planner.plan(OPEN, depart(OPEN), 0)
-    np.testing.assert_array_equal(plan.control, Guided().plan(OPEN, depart(OPEN), 0).control)
+    plan = planner.plan(OPEN, initial_state(OPEN), 0)
+    np.testing.assert_array_equal(plan.control, Guided().plan(OPEN, initial_state(OPEN), 0).control)
 
 
 def test_impatience_is_refused() -> None:
@@ -140,5 +140,5 @@ def test_options_that_cannot_be_are_refused(name: str, told: str) -> None:
 @pytest.mark.parametrize("suite", ["standard", "traps"])
 def test_the_paper_s_planner_arrives_with_it(suite: str) -> None:
     planner = make("multi-start+backtrack")
-    fields = select(f"{suite}/train:0-99")
-    assert sum(planner.plan(field, depart(field), 0).success for field in fields) >= 99
+    fields = get_fields(f"{suite}/train:0-99")
+    assert sum(planner.plan(field, initial_state(field), 0).success for field in fields) >= 99

@@ -11,10 +11,10 @@ from agents.policies.registry import make_policy
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Plan, Replanner, State, depart
+from planners.interface import Plan, Replanner, State, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
 from planners.wrappers.limited_sensing import Sensing, known
@@ -41,7 +41,7 @@ def sensed(field: Field, name: str = "guided", reach: float = REACH) -> tuple[Se
     planner = make(name)
     assert isinstance(planner, Replanner)
     sensing = Sensing(planner=planner, reach=reach)
-    return sensing, sensing.plan(field, depart(field), 0)
+    return sensing, sensing.plan(field, initial_state(field), 0)
 
 
 def without(field: Field, disc: int) -> Field:
@@ -65,7 +65,7 @@ def seen_at(field: Field, plan: Plan) -> list[int]:
 
 @pytest.mark.parametrize("spec", FIELDS)
 def test_known_is_what_was_in_range_of_the_path_flown(spec: str) -> None:
-    field = one(spec)
+    field = get_field(spec)
     _, plan = sensed(field)
     first = np.array(seen_at(field, plan))
     assert isinstance(field.obstacles, Discs)
@@ -78,7 +78,7 @@ def test_known_is_what_was_in_range_of_the_path_flown(spec: str) -> None:
 
 
 def test_the_known_field_stays_the_same_object_until_something_appears() -> None:
-    field = one("standard/train:1")
+    field = get_field("standard/train:1")
     _, plan = sensed(field)
     shown = [known(field, state, REACH) for state in plan.states]
     for before, after in itertools.pairwise(shown):
@@ -87,7 +87,7 @@ def test_the_known_field_stays_the_same_object_until_something_appears() -> None
 
 @pytest.mark.parametrize("spec", FIELDS)
 def test_no_disc_counts_before_it_was_seen(spec: str) -> None:
-    field = one(spec)
+    field = get_field(spec)
     _, plan = sensed(field)
     first = seen_at(field, plan)
     late = [disc for disc, seen in enumerate(first) if seen < 0 or seen > 2][::5]
@@ -104,7 +104,7 @@ def test_no_disc_counts_before_it_was_seen(spec: str) -> None:
 @pytest.mark.parametrize("name", ["guided", "single-start"])
 @pytest.mark.parametrize("reach", [PAPER_LIMITS.longest, REACH])
 def test_every_segment_decided_is_feasible_among_all_obstacles(name: str, reach: float) -> None:
-    for field in select("dense/train:0-9"):
+    for field in get_fields("dense/train:0-9"):
         _, plan = sensed(field, name, reach)
         for state, decision in zip(plan.states, plan.decisions, strict=False):
             if (chain := decision.chain) is not None:
@@ -115,24 +115,24 @@ def test_every_segment_decided_is_feasible_among_all_obstacles(name: str, reach:
 
 @pytest.mark.parametrize("spec", FIELDS)
 def test_planning_from_any_state_on_the_way_gives_the_rest(spec: str) -> None:
-    field = one(spec)
+    field = get_field(spec)
     planner, plan = sensed(field)
     for flown, state in enumerate(plan.states[:-1]):
-        again = planner.plan(one(spec), state, 0)
+        again = planner.plan(get_field(spec), state, 0)
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
 @pytest.mark.parametrize("name", ["guided+sensing=20", "guided+backtrack+sensing=15"])
 def test_a_flight_is_its_plan(name: str) -> None:
-    for field in select("traps/train:0-2"):
-        plan = make(name).plan(field, depart(field), 0)
+    for field in get_fields("traps/train:0-2"):
+        plan = make(name).plan(field, initial_state(field), 0)
         flight = fly(make_policy(name), name, field, 0)
         assert flight.outcome is plan.status.outcome
         np.testing.assert_array_equal(flight.control, plan.control)
 
 
 def test_a_flight_taken_up_on_its_way_knows_what_is_around_it() -> None:
-    field = one("standard/train:1")
+    field = get_field("standard/train:1")
     planner, plan = sensed(field)
     vehicle = plan.states[4].vehicle
     near = known(field, State(vehicle), REACH).obstacles
@@ -152,7 +152,7 @@ def test_it_flies_into_a_dead_end_and_out_again(reach: float) -> None:
     assert np.linalg.norm(plan.control[turned, 1] - field.start - depth[turned] * along) < 2.0
     assert depth[turned:].min() < 0.0
     # who knows the end of the corridor does not enter it
-    aware = Guided().plan(field, depart(field), 0)
+    aware = Guided().plan(field, initial_state(field), 0)
     assert len(aware.control) < len(plan.control)
 
 
@@ -166,9 +166,11 @@ def test_segments_leave_room_to_turn_before_the_unknown() -> None:
 
 
 def test_a_range_beyond_the_field_changes_nothing() -> None:
-    field = one("standard/train:3")
+    field = get_field("standard/train:3")
     _, plan = sensed(field, reach=1e3)
-    np.testing.assert_array_equal(plan.control, Guided().plan(field, depart(field), 0).control)
+    np.testing.assert_array_equal(
+        plan.control, Guided().plan(field, initial_state(field), 0).control
+    )
 
 
 @pytest.mark.parametrize("reach", [0.0, -1.0, 14.99, float("nan")])
@@ -182,5 +184,5 @@ def test_a_range_below_the_longest_segment_is_refused(reach: float) -> None:
 @pytest.mark.parametrize("suite", ["standard", "traps", "dense"])
 @pytest.mark.parametrize("reach", [PAPER_LIMITS.longest, REACH])
 def test_guided_arrives_whatever_it_sees(suite: str, reach: float) -> None:
-    flights = [sensed(field, reach=reach)[1] for field in select(f"{suite}/train:0-99")]
+    flights = [sensed(field, reach=reach)[1] for field in get_fields(f"{suite}/train:0-99")]
     assert sum(plan.success for plan in flights) >= 99

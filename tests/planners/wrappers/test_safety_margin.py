@@ -10,10 +10,10 @@ from agents.flights.flight import fly
 from agents.policies.registry import make_policy
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius
-from planners.interface import Decision, State, depart
+from planners.interface import Decision, State, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
 from planners.wrappers.safety_margin import Margin, grown
@@ -32,8 +32,8 @@ def gap(wide: float) -> Field:
 
 def test_flights_keep_the_margin_where_there_is_room() -> None:
     closest = {}
-    for field in select("sparse/train:0-7"):
-        plan = make(f"guided+margin={MARGIN}").plan(field, depart(field), 0)
+    for field in get_fields("sparse/train:0-7"):
+        plan = make(f"guided+margin={MARGIN}").plan(field, initial_state(field), 0)
         assert plan.success
         assert is_feasible(plan.control, field).all()
         # discs that the start or the goal are nearer to cannot be cleared so far
@@ -42,17 +42,19 @@ def test_flights_keep_the_margin_where_there_is_room() -> None:
         closest[field.name] = (clearance.min(axis=0) - np.minimum(room, MARGIN)).min()
     assert min(closest.values()) >= -1e-4, closest
     # without a margin paths touch the obstacles that they pass
-    plain = [Guided().plan(field, depart(field), 0) for field in select("sparse/train:0-7")]
+    plain = [
+        Guided().plan(field, initial_state(field), 0) for field in get_fields("sparse/train:0-7")
+    ]
     touching = [
         field.obstacles.clearance(plan.control).min() < 1e-3
-        for field, plan in zip(select("sparse/train:0-7"), plain, strict=True)
+        for field, plan in zip(get_fields("sparse/train:0-7"), plain, strict=True)
     ]
     assert sum(touching) >= 4
 
 
 def test_a_gap_too_narrow_for_the_margin_is_flown_through() -> None:
     field = gap(0.3)
-    plan = make(f"guided+margin={MARGIN}").plan(field, depart(field), 0)
+    plan = make(f"guided+margin={MARGIN}").plan(field, initial_state(field), 0)
     assert plan.success
     assert 0.0 < field.obstacles.clearance(plan.control).min() <= 0.15 + 1e-5
     # it went through the gap, not around the wall
@@ -62,8 +64,8 @@ def test_a_gap_too_narrow_for_the_margin_is_flown_through() -> None:
 
 def test_a_flight_is_its_plan_and_its_decisions_are_certified() -> None:
     name = f"guided+margin={MARGIN}"
-    for field in select("dense/train:0-3"):
-        plan = make(name).plan(field, depart(field), 0)
+    for field in get_fields("dense/train:0-3"):
+        plan = make(name).plan(field, initial_state(field), 0)
         flight = fly(make_policy(name), name, field, 0)
         assert flight.outcome is plan.status.outcome
         np.testing.assert_array_equal(flight.control, plan.control)
@@ -73,17 +75,17 @@ def test_a_flight_is_its_plan_and_its_decisions_are_certified() -> None:
 
 
 def test_planning_from_any_state_on_the_way_gives_the_rest() -> None:
-    field = one("sparse/train:1")
+    field = get_field("sparse/train:1")
     planner = make(f"guided+margin={MARGIN}")
-    plan = planner.plan(field, depart(field), 0)
+    plan = planner.plan(field, initial_state(field), 0)
     for flown, state in enumerate(plan.states[:-1]):
-        again = planner.plan(one("sparse/train:1"), state, 0)
+        again = planner.plan(get_field("sparse/train:1"), state, 0)
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
 def test_vehicle_start_and_goal_are_never_inside_what_is_grown() -> None:
-    field = one("dense/train:0")
-    plan = Guided().plan(field, depart(field), 0)
+    field = get_field("dense/train:0")
+    plan = Guided().plan(field, initial_state(field), 0)
     for state in plan.states:
         shown = grown(field, state, 3.0)
         assert isinstance(shown.obstacles, Discs)
@@ -99,8 +101,8 @@ def test_vehicle_start_and_goal_are_never_inside_what_is_grown() -> None:
 
 
 def test_the_grown_field_stays_the_same_object_while_nothing_is_near() -> None:
-    field = one("sparse/train:1")
-    plan = make(f"guided+margin={MARGIN}").plan(field, depart(field), 0)
+    field = get_field("sparse/train:1")
+    plan = make(f"guided+margin={MARGIN}").plan(field, initial_state(field), 0)
     shown = [grown(field, state, MARGIN) for state in plan.states]
     radii = [s.obstacles.radii for s in shown if isinstance(s.obstacles, Discs)]
     for (before, after), (r, s) in zip(
@@ -130,17 +132,17 @@ class Refusing:
 
 @pytest.mark.parametrize(("most", "asked"), [(1.1, [1.0]), (0.5, [1.0, 0.4]), (0.0, [1.0, 0.4, 0])])
 def test_the_margin_shrinks_where_nothing_is_found(most: float, asked: list[float]) -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     inner = Refusing(field, most)
-    decision = Margin(planner=inner, margin=1.0).decide(field, depart(field), 0)
+    decision = Margin(planner=inner, margin=1.0).decide(field, initial_state(field), 0)
     assert decision.chain is not None
     assert inner.asked == pytest.approx(asked)
 
 
 def test_where_nothing_helps_there_is_no_decision() -> None:
-    field = one("sparse/train:0")
+    field = get_field("sparse/train:0")
     planner = Margin(planner=Refusing(field, -1.0), margin=1.0)
-    plan = planner.plan(field, depart(field), 0)
+    plan = planner.plan(field, initial_state(field), 0)
     assert not plan.success
     assert len(plan.control) == 0
 
@@ -149,15 +151,15 @@ def test_where_nothing_helps_there_is_no_decision() -> None:
     "name", ["guided+margin=0.5+sensing=20", "single-start+margin=0.5+backtrack"]
 )
 def test_it_combines_with_what_senses_and_backtracks(name: str) -> None:
-    for field in select("sparse/train:0-1"):
-        plan = make(name).plan(field, depart(field), 0)
+    for field in get_fields("sparse/train:0-1"):
+        plan = make(name).plan(field, initial_state(field), 0)
         assert plan.success
         assert is_feasible(plan.control, field).all()
 
 
 def test_it_keeps_a_turn_radius_too() -> None:
-    field = one("sparse/train:0")
-    plan = make("guided+margin=0.5+turn=3").plan(field, depart(field), 0)
+    field = get_field("sparse/train:0")
+    plan = make("guided+margin=0.5+turn=3").plan(field, initial_state(field), 0)
     assert plan.success
     assert keeps_turn_radius(plan.control, 3.0, Guided().limits.tolerance).all()
     assert field.obstacles.clearance(plan.control).min() > 0.4

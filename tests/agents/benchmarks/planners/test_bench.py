@@ -18,16 +18,16 @@ from agents.cli.main import main
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Plan, Route, Seconds, State, depart
+from planners.interface import Plan, Route, Seconds, State, initial_state
 from planners.registry import PLANNERS, make
 from planners.whole_path.planner import with_seconds
 from tests.support.stub_planners import STUBS, Faulty
 
 BENCH = ["bench", "planners", "--fields", "sparse/train:0-1"]
-FIELD = one("sparse/train:0")
-CRASHED = STUBS["crashing"]().plan(FIELD, depart(FIELD), 0)
+FIELD = get_field("sparse/train:0")
+CRASHED = STUBS["crashing"]().plan(FIELD, initial_state(FIELD), 0)
 NAMES = ["shortest", "multi-start", *STUBS]
 
 
@@ -70,7 +70,7 @@ def test_every_planner_has_a_row_for_every_field(results: Path) -> None:
         "lying": FALSE_SUCCESS,
     }
     for row in table:
-        assert float(row["exact_length"]) == exact_length(one(row["field"]))
+        assert float(row["exact_length"]) == exact_length(get_field(row["field"]))
         assert float(row["seconds"]) >= 0.0
         if row["success"] == "0":
             assert not row["length"]
@@ -193,7 +193,7 @@ def test_a_mistake_in_a_planner_is_told_with_planner_and_field(
 ) -> None:
     monkeypatch.setitem(PLANNERS, "faulty", Faulty)
     with pytest.raises(TypeError, match="no such thing") as caught:
-        list(runs(["faulty"], None, list(select("sparse/train:0-1")), [7], 1))
+        list(runs(["faulty"], None, list(get_fields("sparse/train:0-1")), [7], 1))
     assert caught.value.__notes__ == ["while faulty planned the field sparse/train:1 with seed 7"]
 
 
@@ -216,7 +216,7 @@ def test_every_run_has_a_field_of_its_own(monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def test_two_workers_find_the_same_paths() -> None:
-    fields = list(select("sparse/train:0-1"))
+    fields = list(get_fields("sparse/train:0-1"))
     alone, together = (
         list(runs(["shortest", "multi-start"], None, fields, [0], workers)) for workers in (1, 2)
     )
@@ -233,7 +233,7 @@ def spoiled(control: np.ndarray, row: int) -> np.ndarray:
 
 
 def test_the_benchmarks_own_test_of_a_path() -> None:
-    control = make("shortest").plan(FIELD, depart(FIELD), 0).control
+    control = make("shortest").plan(FIELD, initial_state(FIELD), 0).control
     assert certified(control, FIELD)
     assert not certified(control[1:], FIELD)
     assert not certified(control[:-1], FIELD)
@@ -256,7 +256,7 @@ def test_the_benchmarks_own_test_of_a_path() -> None:
 
 
 def test_a_path_shorter_than_the_shortest_is_no_success(monkeypatch: pytest.MonkeyPatch) -> None:
-    plan = make("shortest").plan(FIELD, depart(FIELD), 0)
+    plan = make("shortest").plan(FIELD, initial_state(FIELD), 0)
     assert measure("shortest", FIELD, 0, plan, 1.0).success
     monkeypatch.setattr("agents.benchmarks.planners.runs.exact_length", lambda field: 200.0)
     assert measure("shortest", FIELD, 0, plan, 1.0).status == FALSE_SUCCESS
@@ -284,7 +284,7 @@ def stub_run(
     run_ = replace(template, route=route, exact_length=100.0)
     if gap is None:
         return run_
-    control = make("shortest").plan(FIELD, depart(FIELD), 0).control
+    control = make("shortest").plan(FIELD, initial_state(FIELD), 0).control
     return replace(
         run_, status="solved", control=control, length=100.0 * (1.0 + gap), min_turn_radius=2.0
     )
@@ -292,7 +292,7 @@ def stub_run(
 
 def test_seeds_of_one_field_do_not_make_success_surer() -> None:
     template = stub_run([(1.0, 150.0)], 2.0, 0.1)
-    other = replace(template, field=one("sparse/train:1"))
+    other = replace(template, field=get_field("sparse/train:1"))
     once = statistics([template, other])
     often = statistics(
         [replace(run_, seed=seed) for run_ in (template, other) for seed in range(9)]
@@ -344,7 +344,7 @@ def test_pictures_are_drawn_of_any_outcome(number: int, tmp_path: Path) -> None:
 
 
 def test_a_path_is_as_long_as_its_segments(results: Path) -> None:
-    plan = make("shortest").plan(FIELD, depart(FIELD), 0)
+    plan = make("shortest").plan(FIELD, initial_state(FIELD), 0)
     first = rows(results / "planners.csv")[0]
     assert float(first["length"]) == pytest.approx(length(plan.control).sum(), rel=1e-12)
 

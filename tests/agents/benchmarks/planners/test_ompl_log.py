@@ -10,8 +10,8 @@ import pytest
 
 from agents.benchmarks.planners.ompl_log import STATUSES, write
 from agents.benchmarks.planners.runs import Run, measure, run
-from ferguson_gym.world.field_names import one
-from planners.interface import Route, depart
+from ferguson_gym.world.field_names import get_field
+from planners.interface import Route, initial_state
 from planners.registry import PLANNERS
 from tests.support.stub_planners import STUBS
 
@@ -107,7 +107,7 @@ def some() -> list[Run]:
     with pytest.MonkeyPatch.context() as patch:
         for name, stub in STUBS.items():
             patch.setitem(PLANNERS, name, stub)
-        fields = [one("sparse/train:0"), one("sparse/train:1")]
+        fields = [get_field("sparse/train:0"), get_field("sparse/train:1")]
         names = ["shortest", "searching", "without", "lying"]
         return [run(name, None, field, 5) for field in fields for name in names]
 
@@ -154,7 +154,7 @@ def test_progress_is_told_of_planners_that_improve(some: list[Run]) -> None:
 
 def test_a_run_without_a_route_has_an_empty_series(some: list[Run]) -> None:
     first, second = (run for run in some if run.planner == "searching")
-    crashed = STUBS["crashing"]().plan(second.field, depart(second.field), 5)
+    crashed = STUBS["crashing"]().plan(second.field, initial_state(second.field), 5)
     lost = replace(measure("searching", second.field, 5, crashed, 1.0), route=None)
     _, progress = read(list(write([first, lost], BEGAN, 1.0, None)))["planners"]["searching"]
     assert [len(series) for series in progress] == [3, 0]

@@ -19,7 +19,7 @@ from agents.plots.policy_comparison import COLOURS
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from tests.support.written_results import HOSTILE, STRANGE, chain, write_results, write_three
 
@@ -146,7 +146,7 @@ def test_fields_are_those_handed_in_or_drawn_by_name(three: Path) -> None:
     drawn = {field["name"]: field for field in held(three)["browser"]["fields"]}
     assert drawn[HOSTILE]["discs"] == [5000, 5150, 725]
     assert drawn[HOSTILE]["goal"] == [10000, 10000]
-    named = one("standard/train:2")
+    named = get_field("standard/train:2")
     assert isinstance(named.obstacles, Discs)
     discs = np.reshape(drawn["standard/train:2"]["discs"], (-1, 3)) / 100.0
     np.testing.assert_allclose(discs[:, :2], named.obstacles.centers, atol=0.005)
@@ -192,7 +192,7 @@ def test_a_drawn_chain_is_the_flown_curve() -> None:
 
 
 def test_a_drawn_shortest_path_turns_with_its_discs() -> None:
-    path = shortest_path(one("standard/train:0"))
+    path = shortest_path(get_field("standard/train:0"))
     assert path is not None
     parts = numbers(draw_shortest(path))
     assert parts[0] == [0.0, 0.0]

@@ -16,14 +16,14 @@ from agents.models import loading, shipped_agents
 from agents.models.architecture import Architecture, architecture_of
 from agents.models.inference.forward import Forward
 from agents.models.model_card import Card
-from agents.policies.lookahead import Imagining
-from agents.policies.network_policy import Pilot, pilot
+from agents.policies.lookahead import LookaheadPolicy
+from agents.policies.network_policy import NetworkPolicy, network_policy
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 from tests.support.places import ROOT
@@ -71,7 +71,7 @@ def seen_by(environment: dict[str, Any], number: int) -> Observation:
     empty = Field(name="none", obstacles=Discs([], []))
     parts = []
     for k in range(number):
-        field = (one("dense/train:0"), one("traps/train:1"), empty)[k % 3]
+        field = (get_field("dense/train:0"), get_field("traps/train:1"), empty)[k % 3]
         vehicle = State(stream.uniform(0.0, 100.0, 2), stream.normal(size=2) * 7.0, k % 40)
         parts.append(observe(field, [vehicle], settings))
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}
@@ -118,8 +118,8 @@ def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     place = shipped_agents.shipped()[name]
     model = loading.load(place)
     parts: list[Observation] = []
-    for field in select("standard/validation:0-59"):
-        vehicle = transition.depart(field)
+    for field in get_fields("standard/validation:0-59"):
+        vehicle = transition.initial_state(field)
         for control in fly_batch(model, [field])[0].control:
             parts.append(observe(field, [vehicle], model.settings))
             vehicle = State(control[1], control[3], vehicle.segments + 1)
@@ -215,13 +215,13 @@ from agents.flights.batched import fly_batch
 from agents.flights.flight import fly
 from agents.policies.registry import make_policy
 from agents.policies.warm_up import compile_kernels
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 
 def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
     return {(k.py_func.__module__, k.py_func.__name__, *map(str, k.signatures)) for k in found}
 
-fields = [one("sparse/train:0"), one("traps/train:0"), one("paper:1")]
+fields = [get_field("sparse/train:0"), get_field("traps/train:0"), get_field("paper:1")]
 compile_kernels()
 agent = make_policy("dagger-ppo")
 best = make_policy("best")
@@ -263,14 +263,14 @@ def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [row["success"] for row in rows] == ["1", "1", "1"]
     for row in rows:  # and the flights are those of a process with torch
-        flown = fly_by_name(row["policy"], one(row["field"]), 0)
+        flown = fly_by_name(row["policy"], get_field(row["field"]), 0)
         assert row["length"] == repr(flown.length)
 
 
 def test_shipped_agents_fly_without_torch_as_with_it() -> None:
     for name, place in shipped_agents.shipped().items():
         assert not loading.needs_torch(place), name
-        assert isinstance(pilot(place).model.network, Forward)
+        assert isinstance(network_policy(place).model.network, Forward)
 
 
 def test_imagined_flights_are_judged_as_flights_are() -> None:
@@ -278,10 +278,10 @@ def test_imagined_flights_are_judged_as_flights_are() -> None:
     place = shipped_agents.shipped()[shipped_agents.BEST]
     model = loading.load(place)
     for name in ("standard/validation:3", "traps/validation:1"):
-        field = one(name)
-        agent = Imagining(Pilot(model), 6)
+        field = get_field(name)
+        agent = LookaheadPolicy(NetworkPolicy(model), 6)
         agent.begin(field, 0)
-        vehicle, calls, step = transition.depart(field), 0, None
+        vehicle, calls, step = transition.initial_state(field), 0, None
         while step is None or step.outcome.name == "FLYING":
             calls += agent._expected is None or not np.array_equal(
                 agent._expected[1], vehicle.position

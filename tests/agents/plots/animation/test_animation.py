@@ -12,7 +12,7 @@ from PIL import Image
 from agents.cli.main import main
 from agents.flights.flight import Flight, fly, fly_by_name
 from agents.plots.animation.animation import Painter, animate
-from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, shots
+from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, frames_of
 from agents.plots.animation.gif import COLOURS, Palette, write_gif
 from agents.policies.planner_policies import expert
 from agents.runtime.kernels import small_field
@@ -20,10 +20,10 @@ from agents.runtime.terminal import Terminal
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.rendering.drawing import OBSTACLE, SEEN
 from ferguson_gym.world.field import Field, to_json
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
-from planners.interface import Replanner, depart
+from planners.interface import Replanner, initial_state
 from planners.registry import make
 
 HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
@@ -42,7 +42,7 @@ def flown(policy: str, field: Field) -> Flight:
 def test_decisions_keep_what_was_searched_from(policy: str) -> None:
     planner = make(policy)
     assert isinstance(planner, Replanner)
-    decision = planner.decide(small_field(), depart(small_field()), 0)
+    decision = planner.decide(small_field(), initial_state(small_field()), 0)
     names = [name for name, _ in decision.candidates]
     assert len(names) == decision.report.starts > 0
     assert decision.report.start in names
@@ -59,7 +59,7 @@ def test_decisions_keep_what_was_searched_from(policy: str) -> None:
 def test_each_window_is_a_search_its_plan_and_a_segment_on_the_move(policy: str) -> None:
     flight = flown(policy, small_field())
     assert flight.success
-    opening, *windows, end = shots(flight)
+    opening, *windows, end = frames_of(flight)
     assert (opening.seconds, end.seconds) == (OPENING, END)
     searches = [shot for shot in windows if shot.candidates]
     searched = [decision for decision in flight.decisions if decision.candidates]
@@ -83,7 +83,7 @@ def test_each_window_is_a_search_its_plan_and_a_segment_on_the_move(policy: str)
 
 def test_the_vehicle_moves_evenly_along_what_was_flown() -> None:
     flight = flown("guided", small_field())
-    moves = [shot for shot in shots(flight) if shot.seconds == MOVE]
+    moves = [shot for shot in frames_of(flight) if shot.seconds == MOVE]
     positions = np.array([flight.field.start, *(shot.position for shot in moves)])
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     assert steps.min() > 0.5 * STRIDE
@@ -97,7 +97,7 @@ def test_the_vehicle_moves_evenly_along_what_was_flown() -> None:
 def test_a_long_flight_has_longer_strides() -> None:
     flight = flown("single-start", small_field())
     long = replace(flight, control=10.0 * flight.control, decisions=[])
-    _, *moves, _ = shots(long)
+    _, *moves, _ = frames_of(long)
     assert length(long.control).sum() > 2 * STRIDE * MOVES
     assert 0.8 * MOVES <= len(moves) <= 1.2 * MOVES
 
@@ -105,7 +105,7 @@ def test_a_long_flight_has_longer_strides() -> None:
 def test_a_plan_that_is_tracked_is_shown_once_with_its_route() -> None:
     flight = flown("shortest", small_field())
     assert flight.route is not None
-    opening, planned, *moves, end = shots(flight)
+    opening, planned, *moves, end = frames_of(flight)
     np.testing.assert_array_equal(opening.route, flight.route.points)
     np.testing.assert_array_equal(planned.plan, flight.decisions[0].chain)
     assert planned.origin is None
@@ -119,7 +119,7 @@ def test_a_plan_that_is_tracked_is_shown_once_with_its_route() -> None:
 def test_a_flight_that_gives_up_ends_with_what_it_tried() -> None:
     flight = flown("multi-start", HEAD_ON)
     assert flight.outcome is Outcome.GAVE_UP
-    *_, end = shots(flight)
+    *_, end = frames_of(flight)
     assert Outcome.GAVE_UP.sentence in end.caption
     assert len(end.candidates) == flight.decisions[-1].report.starts > 0
     assert "gap" not in end.caption
@@ -134,7 +134,7 @@ def test_a_refused_segment_is_shown() -> None:
         outcome=Outcome.COLLISION,
         decisions=flight.decisions[:2],
     )
-    *_, end = shots(refused)
+    *_, end = frames_of(refused)
     assert end.refused is refused.refused
     assert len(end.flown) == 1
     assert Outcome.COLLISION.sentence in end.caption
@@ -142,7 +142,7 @@ def test_a_refused_segment_is_shown() -> None:
 
 def test_a_policy_that_plans_nothing_is_shown_flying() -> None:
     flight = replace(flown("guided", small_field()), decisions=[])
-    _, *moves, end = shots(flight)
+    _, *moves, end = frames_of(flight)
     assert all(shot.seconds == MOVE and len(shot.plan) == 0 for shot in moves)
     np.testing.assert_array_equal(end.flown, flight.control)
 
@@ -154,7 +154,7 @@ def test_the_program_writes_a_gif(capsys: pytest.CaptureFixture[str], tmp_path: 
     out, err = capsys.readouterr()
     assert "reached the goal" in out
     assert path.stat().st_size < 500_000
-    told = list(shots(flown("guided", small_field())))
+    told = list(frames_of(flown("guided", small_field())))
     assert err == f"wrote {len(told)} frames to {path}\n"
     with Image.open(path) as image:
         assert image.format == "GIF"
@@ -234,12 +234,12 @@ def test_an_animation_that_fails_leaves_what_was_there(tmp_path: Path) -> None:
     path.write_text("older")
     frame = np.zeros((8, 8, 3), np.uint8)
 
-    def frames() -> Iterator[np.ndarray]:
+    def frames_of() -> Iterator[np.ndarray]:
         yield frame
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        write_gif(path, frames(), [1.0, 1.0], Palette([frame]))
+        write_gif(path, frames_of(), [1.0, 1.0], Palette([frame]))
     assert path.read_text() == "older"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -273,9 +273,9 @@ def test_bad_input_is_one_line_and_status_two(
 
 
 def test_what_a_planner_did_not_know_stays_pale() -> None:
-    field = one("standard/train:0")
+    field = get_field("standard/train:0")
     flight = fly_by_name("guided+sensing=20", field, 0)
-    counts = [len(shot.known.obstacles) for shot in shots(flight) if shot.known is not None]
+    counts = [len(shot.known.obstacles) for shot in frames_of(flight) if shot.known is not None]
     assert counts == sorted(counts)
     assert 0 < counts[0] < counts[-1] <= len(field.obstacles)
     assert all(len(decision.candidates) > 0 for decision in flight.decisions[:3])

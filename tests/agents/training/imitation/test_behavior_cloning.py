@@ -12,13 +12,13 @@ import torch
 
 from agents.models import torch_model
 from agents.models.model_card import Card
-from agents.training.imitation.behavior_cloning import AVERAGED, Cloner
-from agents.training.imitation.dataset import Lesson, Lessons, row
+from agents.training.imitation.behavior_cloning import AVERAGED, BehaviorCloning
+from agents.training.imitation.dataset import ImitationDataset, ImitationSample, row
 from agents.training.imitation.mirror import mirrored
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world.actions import encode
-from ferguson_gym.world.field_names import one, select
-from planners.interface import depart
+from ferguson_gym.world.field_names import get_field, get_fields
+from planners.interface import initial_state
 from planners.receding_horizon.pursuit import Pursuit
 
 CARD = Card(
@@ -30,27 +30,27 @@ CARD = Card(
 
 
 @pytest.fixture(scope="module")
-def lessons() -> Lessons:
-    known = Lessons(settings_of(CARD.environment))
-    for field in select("dense/train:0-2"):
-        plan = Pursuit().plan(field, depart(field), 0)
+def lessons() -> ImitationDataset:
+    known = ImitationDataset(settings_of(CARD.environment))
+    for field in get_fields("dense/train:0-2"):
+        plan = Pursuit().plan(field, initial_state(field), 0)
         rows = []
         for state, control in zip(plan.states, plan.control, strict=False):
             vehicle = state.vehicle
             action = encode(control, vehicle.position, vehicle.derivative)
             rows.append(row(int(field.name.partition(":")[2]), vehicle, action))
-        known.add(np.array(rows), lambda seed: one(f"dense/train:{seed}"))
+        known.add(np.array(rows), lambda seed: get_field(f"dense/train:{seed}"))
     return known
 
 
-def drawn(lessons: Lessons, number: int = 32) -> Lesson:
+def drawn(lessons: ImitationDataset, number: int = 32) -> ImitationSample:
     return lessons.draw(np.random.default_rng(0), number, 0.0)
 
 
-def cloner(rate: float = 1e-2, price: float = 8.0) -> Cloner:
+def cloner(rate: float = 1e-2, price: float = 8.0) -> BehaviorCloning:
     torch.manual_seed(0)
     policy: Any = torch_model.build(CARD)
-    return Cloner(policy, lambda: rate, price)
+    return BehaviorCloning(policy, lambda: rate, price)
 
 
 def weights(policy: Any) -> list[torch.Tensor]:
@@ -61,12 +61,12 @@ def same(one: list[torch.Tensor], other: list[torch.Tensor]) -> bool:
     return all(torch.equal(a, b) for a, b in zip(one, other, strict=True))
 
 
-def test_an_update_in_the_mirror_is_one_with_the_mirrored_lesson(lessons: Lessons) -> None:
+def test_an_update_in_the_mirror_is_one_with_the_mirrored_lesson(lessons: ImitationDataset) -> None:
     lesson = drawn(lessons)
     seen, actions = mirrored(lesson.seen, lesson.actions)
     image = lesson.discs.clone()
     image[:, :, 1] *= -1.0
-    by_hand = Lesson(seen, actions, image, lesson.present)
+    by_hand = ImitationSample(seen, actions, image, lesson.present)
     found = [
         cloner().update(lesson, in_the_mirror=True),
         cloner().update(by_hand, in_the_mirror=False),
@@ -77,7 +77,7 @@ def test_an_update_in_the_mirror_is_one_with_the_mirrored_lesson(lessons: Lesson
     assert found[0]["violation"] > 0.0
 
 
-def test_what_flies_is_the_average_of_what_learns(lessons: Lessons) -> None:
+def test_what_flies_is_the_average_of_what_learns(lessons: ImitationDataset) -> None:
     school = cloner()
     before = weights(school.policy)
     assert same(before, weights(school.learner))
@@ -89,11 +89,11 @@ def test_what_flies_is_the_average_of_what_learns(lessons: Lessons) -> None:
         torch.testing.assert_close(flies, old + AVERAGED * (new - old))
 
 
-def test_the_rate_is_asked_for_at_each_update(lessons: Lessons) -> None:
+def test_the_rate_is_asked_for_at_each_update(lessons: ImitationDataset) -> None:
     rates = iter([1e-2, 0.0])
     torch.manual_seed(0)
     policy: Any = torch_model.build(CARD)
-    school = Cloner(policy, lambda: next(rates), 8.0)
+    school = BehaviorCloning(policy, lambda: next(rates), 8.0)
     before = weights(school.learner)
     school.update(drawn(lessons), in_the_mirror=False)
     between = weights(school.learner)
@@ -102,7 +102,7 @@ def test_the_rate_is_asked_for_at_each_update(lessons: Lessons) -> None:
     assert same(between, weights(school.learner))
 
 
-def test_the_price_of_violations_is_paid(lessons: Lessons) -> None:
+def test_the_price_of_violations_is_paid(lessons: ImitationDataset) -> None:
     # flown blindly straight on, half of these flights cut into something
     after = {}
     for price in (0.0, 100.0):
@@ -114,7 +114,7 @@ def test_the_price_of_violations_is_paid(lessons: Lessons) -> None:
     assert after[0.0]["unlikely"] < after[100.0]["unlikely"]
 
 
-def test_one_that_is_restored_goes_on_alike(lessons: Lessons) -> None:
+def test_one_that_is_restored_goes_on_alike(lessons: ImitationDataset) -> None:
     school, again = cloner(), cloner()
     school.update(drawn(lessons), in_the_mirror=False)
     again.restore(copy.deepcopy(school.state()))  # as a file is read

@@ -21,7 +21,7 @@ from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import encode
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 from planners import interface
@@ -99,7 +99,7 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
     for seed in SEEDS:
         field = CARD_SETTINGS.field(seed)
         rows = found.rows[found.rows[:, 0] == seed]
-        vehicle, outcome = transition.depart(field), Outcome.FLYING
+        vehicle, outcome = transition.initial_state(field), Outcome.FLYING
         for state, row in zip(states_of(rows), rows, strict=True):
             assert outcome is Outcome.FLYING
             np.testing.assert_array_equal(state.position, vehicle.position)
@@ -135,7 +135,7 @@ def test_a_learner_that_is_always_refused_sees_the_expert_s_flight(
     assert (found.rows[:, 10] == 1.0).all()
     for seed in SEEDS:
         field = CARD_SETTINGS.field(seed)
-        plan = make("pursuit").plan(field, interface.depart(field), 0)
+        plan = make("pursuit").plan(field, interface.initial_state(field), 0)
         rows = found.rows[found.rows[:, 0] == seed]
         assert len(rows) == len(plan.control)
         np.testing.assert_array_equal(rows[:, 1:3], plan.control[:, 0])
@@ -180,7 +180,7 @@ def test_somewhere_is_free_inside_the_bounds_and_on_some_way() -> None:
     stream = np.random.default_rng(0)
     towards, flown = [], []
     for name in ("dense/train:0", "traps/train:0"):
-        field = one(name)
+        field = get_field(name)
         for _ in range(40):
             vehicle = somewhere(field, stream)
             assert field.obstacles.signed_distance(vehicle.position).min() >= 0.0

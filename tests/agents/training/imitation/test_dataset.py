@@ -11,16 +11,16 @@ pytest.importorskip("torch")
 import torch
 
 from agents.training.imitation import dataset
-from agents.training.imitation.dataset import COLUMNS, Lesson, Lessons, row
+from agents.training.imitation.dataset import COLUMNS, ImitationDataset, ImitationSample, row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 
-FIELDS = {seed: one(f"sparse/train:{seed}") for seed in range(4)}
+FIELDS = {seed: get_field(f"sparse/train:{seed}") for seed in range(4)}
 
 
 def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
@@ -37,10 +37,10 @@ def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
     )
 
 
-def single(lesson: Lesson) -> Iterator[Lesson]:
+def single(lesson: ImitationSample) -> Iterator[ImitationSample]:
     for k in range(len(lesson.actions)):
         seen = {key: value[k] for key, value in lesson.seen.items()}
-        yield Lesson(seen, lesson.actions[k], lesson.discs[k], lesson.present[k])
+        yield ImitationSample(seen, lesson.actions[k], lesson.discs[k], lesson.present[k])
 
 
 @pytest.mark.parametrize(
@@ -50,7 +50,7 @@ def single(lesson: Lesson) -> Iterator[Lesson]:
 )
 def test_what_is_drawn_is_what_was_put_in(arguments: dict[str, Any]) -> None:
     settings, stream = Settings(**arguments), np.random.default_rng(0)
-    known = Lessons(settings)
+    known = ImitationDataset(settings)
     assert len(known) == 0
     parts = [rows_of([0, 0, 2, 1, 1, 1], stream), rows_of([3, 0, 2], stream)]
     for part in [*parts, np.empty((0, COLUMNS))]:
@@ -76,7 +76,7 @@ def test_discs_around_are_in_metres_in_the_vehicle_s_frame() -> None:
     # at (20, 20), heading up the second axis: forward is y, left is -x
     vehicle = State(np.array([20.0, 20.0]), np.array([0.0, 7.0]))
     action = np.zeros(4, np.float32)
-    known = Lessons(Settings(observation="rays"))
+    known = ImitationDataset(Settings(observation="rays"))
     known.add(np.array([row(5, vehicle, action)]), {5: field}.__getitem__)
     drawn = known.draw(np.random.default_rng(0), 1, 0.0)
     assert drawn.discs.shape == (1, 12, 3)
@@ -89,7 +89,7 @@ def test_discs_around_are_in_metres_in_the_vehicle_s_frame() -> None:
 def test_room_grows_and_keeps_what_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "_FIRST", 4)
     stream = np.random.default_rng(1)
-    known, rows = Lessons(Settings(nearest=2)), rows_of([0] * 3 + [1] * 30 + [2], stream)
+    known, rows = ImitationDataset(Settings(nearest=2)), rows_of([0] * 3 + [1] * 30 + [2], stream)
     for part in (rows[:3], rows[3:33], rows[33:]):
         known.add(part, FIELDS.__getitem__)
     assert len(known) == 34
@@ -98,7 +98,7 @@ def test_room_grows_and_keeps_what_was_there(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_each_is_as_likely_and_the_same_stream_draws_the_same() -> None:
-    known = Lessons(Settings(nearest=2))
+    known = ImitationDataset(Settings(nearest=2))
     known.add(rows_of([0] * 10, np.random.default_rng(2)), FIELDS.__getitem__)
     drawn = [known.draw(np.random.default_rng(3), 5000, 0.0).actions for _ in range(2)]
     assert torch.equal(drawn[0], drawn[1])
@@ -115,7 +115,7 @@ def test_the_field_of_a_seed_is_asked_for_once_a_flight() -> None:
         asked.append(seed)
         return FIELDS[seed]
 
-    known = Lessons(Settings(nearest=2))
+    known = ImitationDataset(Settings(nearest=2))
     known.add(rows_of([2, 2, 2, 0, 0, 3], np.random.default_rng(4)), field_of)
     assert asked == [2, 0, 3]
 
@@ -125,7 +125,7 @@ def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
 ) -> None:
     monkeypatch.setattr(dataset, "RECENT", 3)
     stream = np.random.default_rng(6)
-    known, rows = Lessons(Settings(nearest=2)), rows_of([0] * 100, stream)
+    known, rows = ImitationDataset(Settings(nearest=2)), rows_of([0] * 100, stream)
     rows[[1, 40, 60, 99], 10] = 1.0
     known.add(rows[:50], FIELDS.__getitem__)
     known.add(rows[50:], FIELDS.__getitem__)
@@ -134,6 +134,6 @@ def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
         drawn = known.draw(stream, 400, hard).actions.tolist()
         assert least <= sum(tuple(action) in latest for action in drawn) <= most
     # without any failure they are drawn as ever
-    easy = Lessons(Settings(nearest=2))
+    easy = ImitationDataset(Settings(nearest=2))
     easy.add(rows[:1], FIELDS.__getitem__)
     assert len(easy.draw(stream, 7, 0.5).actions) == 7

@@ -16,7 +16,7 @@ from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import decode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 
@@ -56,7 +56,7 @@ def tensors(seen: Observation) -> dict[str, Any]:
 def test_what_is_seen_in_the_mirrored_field_is_the_mirrored_observation(
     arguments: dict[str, Any],
 ) -> None:
-    settings, field = Settings(**arguments), one("standard/train:7")
+    settings, field = Settings(**arguments), get_field("standard/train:7")
     vehicles = states(60)
     seen = tensors(observe(field, vehicles, settings))
     there = observe(flipped(field), [image_of(one) for one in vehicles], settings)
@@ -85,7 +85,7 @@ def test_the_mirrored_action_flies_the_mirrored_segment() -> None:
 
 @pytest.mark.parametrize("arguments", KINDS, ids=lambda kind: "-".join(map(str, kind.values())))
 def test_twice_mirrored_is_the_original(arguments: dict[str, Any]) -> None:
-    seen = tensors(observe(one("dense/train:1"), states(20), Settings(**arguments)))
+    seen = tensors(observe(get_field("dense/train:1"), states(20), Settings(**arguments)))
     actions = torch.rand(20, 4) * 2.0 - 1.0
     before = {key: value.clone() for key, value in seen.items()}
     again, back = mirrored(*mirrored(seen, actions))

@@ -26,13 +26,13 @@ from agents.cli.main import main
 from agents.flights.batched import fly_batch, score
 from agents.models import loading
 from agents.training.imitation import dagger_rollouts, demonstration_data
-from agents.training.imitation.behavior_cloning import Cloner
-from agents.training.imitation.dataset import COLUMNS, Lessons
+from agents.training.imitation.behavior_cloning import BehaviorCloning
+from agents.training.imitation.dataset import COLUMNS, ImitationDataset
 from agents.training.learning_curve import Record
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.actions import encode
-from ferguson_gym.world.field_names import select
-from planners.interface import depart
+from ferguson_gym.world.field_names import get_fields
+from planners.interface import initial_state
 from planners.receding_horizon.pursuit import Pursuit
 from tests.support.small_models import card_of, same, saved, weights_of
 from tests.support.waiting import until
@@ -78,8 +78,8 @@ class Flights:
     def __init__(self, number: int) -> None:
         self.fields = tuple(f"sparse/train:{k}" for k in range(number))
         flown = []
-        for field in (one for name in self.fields for one in select(name)):
-            plan = Pursuit().plan(field, depart(field), 0)
+        for field in (one for name in self.fields for one in get_fields(name)):
+            plan = Pursuit().plan(field, initial_state(field), 0)
             vehicles = [state.vehicle for state in plan.states]
             flown.append(
                 [
@@ -121,7 +121,7 @@ def test_dagger_leaves_a_model_its_card_and_its_curve(
     assert len(steps) > 2
     assert steps[-1] >= 300
     for key, spec in (("chosen_on", CHOSEN), ("reported_on", REPORTED)):
-        assert card.results[key]["spl"] == score(fly_batch(model, select(spec))).spl
+        assert card.results[key]["spl"] == score(fly_batch(model, get_fields(spec))).spl
     assert "SPL" in capsys.readouterr().out
     # the same command has nothing left to do
     assert main(command("dagger", "--seed", "3")) == 0
@@ -130,14 +130,14 @@ def test_dagger_leaves_a_model_its_card_and_its_curve(
 
 def test_a_learner_learns_what_the_expert_does(command: Command, tmp_path: Path) -> None:
     costs = []
-    update = Cloner.update
+    update = BehaviorCloning.update
 
-    def watched(self: Cloner, *others: Any, **more: Any) -> dict[str, float]:
+    def watched(self: BehaviorCloning, *others: Any, **more: Any) -> dict[str, float]:
         costs.append(update(self, *others, **more))
         return costs[-1]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Cloner, "update", watched)
+        patch.setattr(BehaviorCloning, "update", watched)
         assert main(command("dagger", updates=40)) == 0
     unlikely = np.array([cost["unlikely"] for cost in costs])
     assert np.isfinite(unlikely).all()
@@ -182,15 +182,15 @@ def press_in_consider(patch: pytest.MonkeyPatch) -> None:
 
 def press_in_update(patch: pytest.MonkeyPatch, number: int) -> None:
     """Ctrl-C during an update, counted from 1."""
-    update, done = Cloner.update, []
+    update, done = BehaviorCloning.update, []
 
-    def interrupted(self: Cloner, *others: Any, **more: Any) -> Any:
+    def interrupted(self: BehaviorCloning, *others: Any, **more: Any) -> Any:
         done.append(update(self, *others, **more))
         if len(done) == number:
             signal.raise_signal(signal.SIGINT)
         return done[-1]
 
-    patch.setattr(Cloner, "update", interrupted)
+    patch.setattr(BehaviorCloning, "update", interrupted)
 
 
 def press_in_flights(patch: pytest.MonkeyPatch, number: int) -> None:
@@ -248,13 +248,13 @@ def test_lessons_are_kept_and_not_flown_again(
     assert kept[0].shape[1] == COLUMNS
     assert not {*kept[0][:, 0]} & {*kept[1][:, 0]}  # in fields of their own
     added: list[np.ndarray] = []
-    add = Lessons.add
+    add = ImitationDataset.add
 
-    def watched(self: Lessons, rows: np.ndarray, *others: Any) -> None:
+    def watched(self: ImitationDataset, rows: np.ndarray, *others: Any) -> None:
         added.append(rows)
         add(self, rows, *others)
 
-    monkeypatch.setattr(Lessons, "add", watched)
+    monkeypatch.setattr(ImitationDataset, "add", watched)
     assert main(command("dagger")) == 0
     for before, after in zip(kept, added, strict=False):
         np.testing.assert_array_equal(before, after)
@@ -290,15 +290,15 @@ def test_bc_learns_from_demonstrations_and_dagger_goes_on_from_there(
     command: Command, tmp_path: Path
 ) -> None:
     costs = []
-    update = Cloner.update
+    update = BehaviorCloning.update
 
-    def watched(self: Cloner, *others: Any, **more: Any) -> dict[str, float]:
+    def watched(self: BehaviorCloning, *others: Any, **more: Any) -> dict[str, float]:
         costs.append(update(self, *others, **more)["unlikely"])
         return {"unlikely": costs[-1]}
 
     line = command("bc", "--demos", "some/pursuit-v0", n_timesteps=1920, eval_freq=640, updates=40)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(Cloner, "update", watched)
+        patch.setattr(BehaviorCloning, "update", watched)
         assert main(line) == 0
     out = tmp_path / "out"
     assert np.mean(costs[-20:]) < np.mean(costs[:20]) - 1.0
@@ -332,13 +332,13 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
         "import sys, numpy\n"
         "from agents.models import loading\n"
         "from agents.flights.batched import fly_batch\n"
-        "from ferguson_gym.world.field_names import select\n"
-        "flights = fly_batch(loading.load(sys.argv[1]), select(sys.argv[2]))\n"
+        "from ferguson_gym.world.field_names import get_fields\n"
+        "flights = fly_batch(loading.load(sys.argv[1]), get_fields(sys.argv[2]))\n"
         "numpy.save(sys.argv[3], numpy.concatenate([flight.control for flight in flights]))\n"
     )
     arguments = [str(tmp_path / "out"), "sparse/test:0-3", str(tmp_path / "there.npy")]
     subprocess.run([sys.executable, "-c", program, *arguments], check=True)
-    here = fly_batch(loading.load(tmp_path / "out"), select("sparse/test:0-3"))
+    here = fly_batch(loading.load(tmp_path / "out"), get_fields("sparse/test:0-3"))
     control = np.concatenate([flight.control for flight in here])
     assert len(control) > 4
     np.testing.assert_array_equal(np.load(tmp_path / "there.npy"), control)

@@ -17,10 +17,10 @@ from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import decode, encode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one, select
+from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.receding_horizon.pursuit import Pursuit
 
 AHEAD = State(np.array([0.0, 0.0]), np.array([7.0, 0.0]))
@@ -59,7 +59,7 @@ def test_actions_are_decoded_as_the_environment_does_it() -> None:
 def test_the_speed_is_the_one_that_an_observation_shows() -> None:
     speeds = np.array([0.1, 1.0, 5.0, 7.0, 30.0, 65.0])
     vehicles = [State(np.zeros(2), np.array([0.6 * v, 0.8 * v])) for v in speeds]
-    seen = observe(one("sparse/train:0"), vehicles, Settings())["vehicle"]
+    seen = observe(get_field("sparse/train:0"), vehicles, Settings())["vehicle"]
     np.testing.assert_allclose(speed_of(torch.from_numpy(seen[:, 4].copy())), speeds, rtol=1e-5)
 
 
@@ -73,8 +73,8 @@ def flown(spec: str) -> Flown:
     """What an expert's segments cost, and how near to obstacles they are."""
     clearance, costs = [], []
     view = Settings(nearest=12, focus=8.0)
-    for field in select(spec):
-        plan = Pursuit().plan(field, depart(field), 0)
+    for field in get_fields(spec):
+        plan = Pursuit().plan(field, initial_state(field), 0)
         vehicles = [state.vehicle for state in plan.states[:-1]]
         seen = observe(field, vehicles, view)
         rows = view.view * seen["obstacles"].reshape(len(vehicles), -1, 4)[:, :, :3]
@@ -174,8 +174,8 @@ def descended(action: Array, field: Field, vehicle: State, steps: int = 150) -> 
 def test_downhill_segments_become_feasible() -> None:
     stream = np.random.default_rng(1)
     tried = led_out = 0
-    for field in select("standard/train:20-23"):
-        plan = Pursuit().plan(field, depart(field), 0)
+    for field in get_fields("standard/train:20-23"):
+        plan = Pursuit().plan(field, initial_state(field), 0)
         for state in plan.states[1:-2]:
             action = stream.uniform(-0.6, 0.6, 4).astype(np.float32)
             if transition.advance(field, state.vehicle, action).flown:
@@ -202,7 +202,7 @@ def test_each_fault_alone_is_mended_downhill(action: Array, why: str) -> None:
     if why != "through a disc":
         discs = discs.only(np.array([False, True]))
     field = Field(name="one", obstacles=discs, start=[0.0, 0.0], start_derivative=[7.0, 0.0])
-    vehicle = transition.depart(field)
+    vehicle = transition.initial_state(field)
     assert not transition.advance(field, vehicle, action).flown
     assert transition.advance(field, vehicle, descended(action, field, vehicle)).flown
 

@@ -8,9 +8,9 @@ import pytest
 
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from planners.interface import depart
+from planners.interface import initial_state
 from planners.optimization.certification import Certified
 from planners.optimization.reference.two_stage import TwoSteps
 from planners.optimization.sqp.multi_start import MultiStart
@@ -23,8 +23,8 @@ SEARCH = MultiStart(sidesteps=())
 @cache
 def windows() -> list[tuple[Window, list[np.ndarray]]]:
     """Those of a flight that do not end on the goal, with their first guesses."""
-    field, planner = one("standard/validation:3"), RecedingHorizon(solver=SEARCH)
-    plan = planner.plan(field, depart(field), 0)
+    field, planner = get_field("standard/validation:3"), RecedingHorizon(solver=SEARCH)
+    plan = planner.plan(field, initial_state(field), 0)
     found = []
     for state, decision in zip(plan.states, plan.decisions, strict=False):
         if decision.chain is not None and not np.array_equal(decision.chain[-1, 1], field.goal):
@@ -68,8 +68,8 @@ def test_one_end_for_each_guess_and_the_weight_of_directness_does_not_matter() -
 
 
 def test_a_window_that_ends_on_the_goal_is_solved_as_it_is() -> None:
-    field = one("sparse/train:0")
-    state = replace(depart(field).vehicle, position=field.goal - 20.0)
+    field = get_field("sparse/train:0")
+    state = replace(initial_state(field).vehicle, position=field.goal - 20.0)
     window = final_window(field, state, PAPER_LIMITS, WindowSettings(), 3)
     guess = windows()[0][1][0]
     (end,) = TwoSteps(search=SEARCH).solve(window, [guess])
@@ -82,7 +82,7 @@ def test_no_guesses_give_no_ends() -> None:
 
 
 def test_a_planner_flies_with_it() -> None:
-    field = one("standard/train:3")
-    plan = RecedingHorizon(solver=TwoSteps(search=SEARCH)).plan(field, depart(field), 0)
+    field = get_field("standard/train:3")
+    plan = RecedingHorizon(solver=TwoSteps(search=SEARCH)).plan(field, initial_state(field), 0)
     assert plan.success
     assert is_feasible(plan.control, field).all()

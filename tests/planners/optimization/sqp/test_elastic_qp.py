@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from ferguson_gym.world.transition import State, depart
+from ferguson_gym.world.transition import State, initial_state
 from planners.optimization.initial_guesses import straight
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
@@ -113,8 +113,8 @@ def assert_optimal(step: Step) -> None:
 @pytest.mark.parametrize("final", [False, True])
 @pytest.mark.parametrize("number", range(1, 5))
 def test_steps_in_the_papers_fields_are_optimal(number: int, final: bool, radius: float) -> None:
-    field = one(f"paper:{number}")
-    vehicle = depart(field)
+    field = get_field(f"paper:{number}")
+    vehicle = initial_state(field)
     if final:
         vehicle = State(field.goal - [22.0, 20.0], np.array([7.0, 6.0]))
     make = final_window if final else horizon_window
@@ -148,8 +148,8 @@ def test_rows_that_cannot_be_satisfied_are_broken_less() -> None:
     # ten metres inside a disc a step of half a metre does not lead out
     disc = Discs([[20.0, 50.0]], [10.0])
     field = Field(name="deep", obstacles=disc, start=[9.0, 50.0], start_derivative=[5.0, 0.0])
-    window = horizon_window(field, depart(field), PAPER_LIMITS, WindowSettings(), 3)
-    chain = straight(depart(field), 3, PAPER_LIMITS)
+    window = horizon_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
+    chain = straight(initial_state(field), 3, PAPER_LIMITS)
     taken = step(window, window.chain.unknowns(chain), 0.5)
     assert_within_bounds(taken)
     before, after = taken.lacks
@@ -165,7 +165,7 @@ def test_a_length_beyond_its_limits_is_brought_back_to_them(
     end: list[float], goal: list[float], limit: float
 ) -> None:
     field = Field(name="open", obstacles=Discs([], []), goal=goal, start_derivative=[1.0, 1.0])
-    window = horizon_window(field, depart(field), PAPER_LIMITS, WindowSettings(), 1)
+    window = horizon_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 1)
     taken = step(window, np.array([*end, *end]), 2.0)
     assert_optimal(taken)
     assert (taken.value + taken.slope @ taken.p)[0] == pytest.approx(limit, abs=1e-6)

@@ -15,10 +15,10 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import one
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from ferguson_gym.world.transition import State, depart
+from ferguson_gym.world.transition import State, initial_state
 from planners import interface
 from planners.optimization.certification import AIM, Certified, WindowSolver
 from planners.optimization.initial_guesses import straight
@@ -30,9 +30,9 @@ from planners.optimization.sqp.elastic_sqp import (
     OUTDONE,
     ElasticSqp,
     Search,
-    Trail,
+    SearchState,
 )
-from planners.optimization.sqp.multi_start import MultiStart, beside
+from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import make
@@ -51,8 +51,8 @@ class Task:
 @cache
 def tasks(number: int) -> list[Task]:
     """Windows of a flight through one of the paper's fields: early, midway, near the goal."""
-    field, planner = one(f"paper:{number}"), RecedingHorizon()
-    plan = make("single-start").plan(field, interface.depart(field), 0)
+    field, planner = get_field(f"paper:{number}"), RecedingHorizon()
+    plan = make("single-start").plan(field, interface.initial_state(field), 0)
     found = []
     for step in (0, 3, 6):
         state = plan.states[step]
@@ -66,7 +66,7 @@ def window_from(
     field: Field, vehicle: State | None = None, segments: int = 3, final: bool = False
 ) -> Window:
     make_window = final_window if final else horizon_window
-    vehicle = depart(field) if vehicle is None else vehicle
+    vehicle = initial_state(field) if vehicle is None else vehicle
     return make_window(field, vehicle, PAPER_LIMITS, WindowSettings(), segments)
 
 
@@ -181,7 +181,7 @@ def test_a_pin_between_samples_is_kept_clear_of(solver: str, at: float) -> None:
     radius = 0.02
     field = Field(name="pin", obstacles=Discs([[at, at]], [radius]))
     window = window_from(field)
-    guess = straight(depart(field), 3, PAPER_LIMITS)
+    guess = straight(initial_state(field), 3, PAPER_LIMITS)
     ends = SOLVERS[solver].solve(window, [guess])
     assert best(ends) < math.inf
     for end in ends:
@@ -216,8 +216,11 @@ def test_limits_hold_for_the_certified_length_and_the_whole_curve(
     some = replace(PAPER_LIMITS, **limits)
     field = Field(name="disc", obstacles=Discs([[8.0, 7.0]], [3.0]), goal=[14.0, 13.0])
     make_window = final_window if final else horizon_window
-    window = make_window(field, depart(field), some, WindowSettings(), 3)
-    guesses = [straight(depart(field), 3, some), straight(depart(field), 3, PAPER_LIMITS)]
+    window = make_window(field, initial_state(field), some, WindowSettings(), 3)
+    guesses = [
+        straight(initial_state(field), 3, some),
+        straight(initial_state(field), 3, PAPER_LIMITS),
+    ]
     ends = MultiStart().solve(window, guesses)
     assert best(ends) < math.inf
     for end in ends:
@@ -263,13 +266,13 @@ def test_other_obstacles_than_discs_are_refused() -> None:
         """Not discs."""
 
     window = dataclasses.replace(window_from(OPEN), obstacles=Walls())
-    guess = straight(depart(OPEN), 3, PAPER_LIMITS)
+    guess = straight(initial_state(OPEN), 3, PAPER_LIMITS)
     with pytest.raises(TypeError, match=r"discs, not Walls; planners\.exchange\.ByExchange"):
         MultiStart().solve(window, [guess])
 
 
 def test_a_guess_that_is_not_a_number_is_refused() -> None:
-    guess = straight(depart(OPEN), 3, PAPER_LIMITS)
+    guess = straight(initial_state(OPEN), 3, PAPER_LIMITS)
     guess[1, 3, 0] = math.nan
     with pytest.raises(ValueError, match="a guess must be finite"):
         MultiStart().solve(window_from(OPEN), [guess])
@@ -278,9 +281,9 @@ def test_a_guess_that_is_not_a_number_is_refused() -> None:
 def test_certification_adds_the_contacts_it_finds_broken() -> None:
     field = Field(name="two", obstacles=Discs([[4.7, 4.7], [30.0, 5.0]], [0.5, 1.0]))
     window = window_from(field)
-    chain = straight(depart(field), 3, PAPER_LIMITS)
+    chain = straight(initial_state(field), 3, PAPER_LIMITS)
     search = Search(ElasticSqp(), window, math.inf)
-    trail = Trail(window.chain.unknowns(chain), search.fresh, status=CONVERGED)
+    trail = SearchState(window.chain.unknowns(chain), search.fresh, status=CONVERGED)
     assert search.join(trail, chain)
     ((segment, disc, t),) = trail.layout.held
     (nearest,) = evaluate(chain[int(segment)], [t])
@@ -294,8 +297,8 @@ def test_certification_adds_the_contacts_it_finds_broken() -> None:
 
 
 def test_a_sidestep_leans_to_both_sides_and_keeps_the_start() -> None:
-    chain = straight(depart(OPEN), 3, PAPER_LIMITS)
-    for side, sign in zip(beside(chain, 8.0), (-1.0, 1.0), strict=True):
+    chain = straight(initial_state(OPEN), 3, PAPER_LIMITS)
+    for side, sign in zip(offset_guesses(chain, 8.0), (-1.0, 1.0), strict=True):
         np.testing.assert_array_equal(side[0, (0, 2)], chain[0, (0, 2)])
         np.testing.assert_allclose(side[1:, (0, 2)], side[:-1, (1, 3)], atol=1e-12)
         off = side[-1, 1] - chain[-1, 1]
