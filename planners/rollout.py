@@ -87,7 +87,7 @@ def fly(chain: Array, field: Field, state: State, limits: Limits) -> tuple[Array
     """
     states, flown = [state], []
     for segment in chain:
-        step = follow(field, states[-1].vehicle, segment, limits)
+        step = fly_segment(field, states[-1].vehicle, segment, limits)
         if not step.flown:
             break
         flown.append(step.control)
