@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
@@ -22,7 +22,7 @@ import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
-from agents.runtime.interrupts import defer_interrupt
+from agents.runtime.interrupts import defer_interrupt, raise_if_interrupted
 from agents.runtime.kernels import compile_kernels
 from agents.runtime.provenance import commit, facts
 from agents.runtime.safe_npz import read_arrays
@@ -175,8 +175,8 @@ def fly(place: Path, request: Request, missing: Iterable[int], workers: int) -> 
         yield from map_in_processes(calls, workers, in_order=False, afterwards=GOES_ON)
         return
     for task in tasks:
-        with defer_interrupt() as look:
-            done = _fly_chunk(*task, look)
+        with defer_interrupt():
+            done = _fly_chunk(*task)
         yield done
 
 
@@ -200,12 +200,8 @@ def _fly_chunk(
     arguments: str,
     fields: list[str],
     path: Path,
-    look: Callable[[], None] = lambda: None,
 ) -> int:
-    """Fly some fields and write their chunk: what a worker process is handed.
-
-    `look` is called after each flight; it may raise, to stop.
-    """
+    """Fly some fields and write their chunk: what a worker process is handed."""
     if path.exists():
         return len(fields)
     compile_kernels()
@@ -217,7 +213,7 @@ def _fly_chunk(
         except Exception as error:
             error.add_note(f"while {expert} flew the field {name}")
             raise
-        look()
+        raise_if_interrupted()
     with atomic_write(path) as temporary:
         np.savez(temporary, allow_pickle=False, **pack(episodes))
     return len(fields)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,7 @@ from agents.evaluation.records import Pack, Record, Trace, record_of, trace_of
 from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
 from agents.flights.flight import Flight, fly_by_name
 from agents.policies.registry import plain_agent
+from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels, small_field
 
 PANELS = 4
@@ -91,19 +92,16 @@ def alone(task: Task) -> list[Task]:
     ]
 
 
-def fly_task(task: Task, look: Callable[[], None] = lambda: None) -> Answer:
+def fly_task(task: Task) -> Answer:
     """Fly a task: a function of it but for its times, wherever it is flown.
-
-    Args:
-        task: which flights.
-        look: called after each flight; may raise, to stop.
 
     Raises:
         ValueError: an agent that cannot be loaded here.
+        KeyboardInterrupt: after a flight, if Ctrl-C was deferred.
     """
     with _ONE_AT_A_TIME:
         compile_kernels()
-        flown = _batch(task) if is_batched(task.policy) else _one_by_one(task, look)
+        flown = _batch(task) if is_batched(task.policy) else _one_by_one(task)
         return Answer(
             chunk=task.chunk,
             flown=records.pack(flown),
@@ -112,7 +110,7 @@ def fly_task(task: Task, look: Callable[[], None] = lambda: None) -> Answer:
         )
 
 
-def _one_by_one(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
+def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
     flown = []
     for (source, seed), drawn in zip(task.flights, task.drawn, strict=True):
         field = field_of(source)
@@ -122,7 +120,7 @@ def _one_by_one(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trac
             error.add_note(f"while {task.policy} flew the field {field.name}, seed {seed}")
             raise
         flown.append((record_of(flight), trace_of(flight, drawn)))
-        look()
+        raise_if_interrupted()
     return flown
 
 

@@ -93,8 +93,8 @@ def run(
     timings = []
     with terminal.still_bar() as progress:
         for policy in progress.track(request.policies, description="times"):
-            with defer_interrupt() as look:
-                timings.append(measure(request, policy, look=look))
+            with defer_interrupt():
+                timings.append(measure(request, policy))
     made = {"command": command, "backend": backend.name, "workers": backend.workers}
     _summarise(work, flown, timings, made | {"batch": together})
     names = sorted(path.name for path in work.staging.iterdir())

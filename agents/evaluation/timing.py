@@ -7,7 +7,7 @@ So its clocks tell how long it took, and not what a policy costs to those who fl
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +16,7 @@ from agents.evaluation.request import Request, field_of
 from agents.flights.flight import fly
 from agents.policies.registry import make_policy
 from agents.policies.warm_up import warm_policy
+from agents.runtime.interrupts import raise_if_interrupted
 
 MOST = 20
 """Flights that are timed, of a policy that is fast enough."""
@@ -44,22 +45,17 @@ class Timing:
         }
 
 
-def measure(
-    request: Request,
-    policy: str,
-    budget: float = BUDGET,
-    look: Callable[[], None] = lambda: None,
-) -> Timing:
+def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
     """Time a policy, on flights that are spread evenly over those of a request.
 
     Args:
         request: which flights there are.
         policy: one of its policies.
         budget: seconds after which no further flight is begun; one is flown in any case.
-        look: called after each flight; may raise, to stop.
 
     Raises:
         ValueError: an agent that cannot be loaded.
+        KeyboardInterrupt: after a flight, if Ctrl-C was deferred.
     """
     ready = make_policy(policy)  # agents are ready when they are loaded
     warm_policy(policy)
@@ -71,7 +67,7 @@ def measure(
         flown = fly(ready, policy, field_of(source), seed)
         decisions += flown.decision_seconds
         flights.append(flown.seconds)
-        look()
+        raise_if_interrupted()
         if time.perf_counter() - began > budget:
             break
     return Timing(policy=policy, decisions=decisions, flights=flights)

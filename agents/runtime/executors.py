@@ -19,7 +19,7 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 
 from agents.evaluation.chunks import Answer, Task, end_with, fly_task
-from agents.runtime.interrupts import defer_interrupt, uninterrupted
+from agents.runtime.interrupts import defer_interrupt, shield_new_processes
 from ferguson_gym.runtime.optional_dependencies import installing
 
 PROCESSES, DASK, RAY = "processes", "dask", "ray"
@@ -150,8 +150,8 @@ def flying(backend: Backend) -> Iterator[Callable[..., Iterator[Answer]]]:
 def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterator[Answer]:
     if workers == 1:
         for task in tasks:
-            with defer_interrupt() as look:
-                answer = fly_task(task, look)
+            with defer_interrupt():
+                answer = fly_task(task)
             yield answer
         return
     parallel = Parallel(
@@ -162,7 +162,7 @@ def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterat
         pre_dispatch=ahead or 2 * workers,
         max_nbytes=None,  # no files beside the processes
     )
-    with uninterrupted():
+    with shield_new_processes():
         answers = parallel(delayed(_fly_here)(task, os.getpid()) for task in tasks)
     try:
         yield from answers

@@ -1,60 +1,86 @@
-"""Interruptions from the keyboard, kept from where they would do harm."""
+"""Ctrl-C, deferred from where it would do harm to where the program can stop."""
 
 from __future__ import annotations
 
+import os
 import signal
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from multiprocessing import resource_tracker
 
 
+class Interrupt:
+    """The handler of a deferred Ctrl-C: the first is remembered, the second one interrupts."""
+
+    def __init__(self, notice: bytes = b"") -> None:
+        self.pressed = False
+        """Whether Ctrl-C was pressed."""
+        self._notice = notice
+
+    def __call__(self, *_: object) -> None:
+        """Handle Ctrl-C."""
+        if self.pressed:
+            raise KeyboardInterrupt
+        self.pressed = True
+        os.write(2, self._notice)  # a handler may run in the middle of any other writing
+
+
 @contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Put an interruption off; processes started meanwhile never see one, and print nothing."""
-    if not hasattr(signal, "pthread_sigmask"):  # Windows
-        yield
+def defer_interrupt(notice: bytes = b"") -> Iterator[Interrupt]:
+    """Defer Ctrl-C to the end of the block, or to the next `raise_if_interrupted` in it.
+
+    Compiled code may crash the process if an exception is raised while it calls Python. Inside
+    another such block, and outside the main thread, this one changes nothing.
+
+    Args:
+        notice: written to standard error when Ctrl-C is pressed.
+
+    Raises:
+        KeyboardInterrupt: at the end of the block, if Ctrl-C was pressed in it.
+    """
+    before = signal.getsignal(signal.SIGINT)
+    if isinstance(before, Interrupt):
+        yield before
         return
-    asked: list[int] = []
-    resource_tracker.ensure_running()  # to start it later would let interruptions through
-    before = signal.signal(signal.SIGINT, lambda number, _: asked.append(number))
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # inherited; the handler is not
+    interrupt = Interrupt(notice)
+    if threading.current_thread() is not threading.main_thread():
+        yield interrupt
+        return
+    signal.signal(signal.SIGINT, interrupt)
     try:
-        yield
+        yield interrupt
     finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
         signal.signal(signal.SIGINT, before)
-    if asked:
+    if interrupt.pressed:
+        raise KeyboardInterrupt
+
+
+def raise_if_interrupted() -> None:
+    """Stop here if Ctrl-C was pressed and is deferred.
+
+    Raises:
+        KeyboardInterrupt: it was.
+    """
+    handler = signal.getsignal(signal.SIGINT)
+    if isinstance(handler, Interrupt) and handler.pressed:
         raise KeyboardInterrupt
 
 
 @contextmanager
-def defer_interrupt() -> Iterator[Callable[[], None]]:
-    """Put an interruption off until it is looked for; a second one comes through.
+def shield_new_processes() -> Iterator[None]:
+    """Make processes that are started in the block deaf to Ctrl-C: their parent ends them.
 
-    Compiled code may crash the process where an exception meets it on its way into Python and back.
-
-    Yields:
-        What looks for it: raises KeyboardInterrupt if there was one.
+    Raises:
+        KeyboardInterrupt: as `defer_interrupt`.
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield lambda: None
-        return
-    asked = 0
-
-    def handle(*_: object) -> None:
-        nonlocal asked
-        asked += 1
-        if asked > 1:
-            raise KeyboardInterrupt
-
-    def look() -> None:
-        if asked:
-            raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGINT, handle)
-    try:
-        yield look
-    finally:
-        signal.signal(signal.SIGINT, before)
-    look()
+    with defer_interrupt():
+        if not hasattr(signal, "pthread_sigmask"):  # Windows
+            yield
+            return
+        resource_tracker.ensure_running()  # its start would unblock the signal
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # children inherit it
+        try:
+            yield
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)

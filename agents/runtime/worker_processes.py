@@ -9,7 +9,7 @@ from typing import Any
 
 from joblib import Parallel
 
-from agents.runtime.interrupts import defer_interrupt, uninterrupted
+from agents.runtime.interrupts import defer_interrupt, shield_new_processes
 
 GOES_ON = "what is finished is kept, and the same command goes on"
 Call = tuple[Callable[..., Any], Sequence[Any], Mapping[str, Any]]
@@ -40,7 +40,7 @@ def map_in_processes(
     parallel = Parallel(
         n_jobs=workers, return_as="generator" if in_order else "generator_unordered"
     )
-    with uninterrupted():
+    with shield_new_processes():
         results = parallel(calls)
     try:
         with deaths_told(afterwards):

@@ -1,18 +1,12 @@
-"""How far a training is, and whether it is to stop: steps, time, and Ctrl-C."""
+"""How far a training is: steps and time."""
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from types import FrameType
-from typing import Any
 
-_STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C again: at once\n"
+STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C again: at once\n"
+"""What Ctrl-C answers in a training."""
 
 
 class TrainingBudget:
@@ -58,34 +52,3 @@ class LinearSchedule:
     def __call__(self, _: float) -> float:
         """The value now; the library's own count knows no limit of time."""
         return self.value * (1.0 - self.pace.done)
-
-
-class Stop:
-    """Whether Ctrl-C was pressed."""
-
-    def __init__(self) -> None:
-        self.asked = False
-
-
-@contextmanager
-def stop_on_interrupt() -> Iterator[Stop]:
-    """Turn the first Ctrl-C into a wish to stop at the next good moment.
-
-    The second one interrupts at once, as ever. Outside the main thread nothing is changed.
-    """
-    stop = Stop()
-    if threading.current_thread() is not threading.main_thread():
-        yield stop
-        return
-    before: Any = signal.getsignal(signal.SIGINT)
-
-    def ask(_: int, __: FrameType | None) -> None:
-        stop.asked = True
-        signal.signal(signal.SIGINT, before)
-        os.write(2, _STOPPING)  # a handler may come in the middle of any other writing
-
-    signal.signal(signal.SIGINT, ask)
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -22,10 +22,11 @@ from agents.models import networks, torch_model
 from agents.models.architecture import ON_POLICY
 from agents.models.model_card import Card, check_environment
 from agents.models.torch_model import Learned
+from agents.runtime.interrupts import Interrupt, defer_interrupt
 from agents.runtime.jobs import DONE, Job
 from agents.training import checkpoint as training_checkpoint
 from agents.training import run as training
-from agents.training.budget import LinearSchedule, Stop, TrainingBudget, stop_on_interrupt
+from agents.training.budget import STOPPING, LinearSchedule, TrainingBudget
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import Record, card_of
@@ -183,18 +184,17 @@ def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: TrainingBudget)
     """
     model.set_logger(configure(str(run.directory / "tensorboard"), ["tensorboard"]))
     most, checkpoint = run.most_steps, run.directory / "checkpoint"
-    with stop_on_interrupt() as stop, run.terminal.share_bar() as bar:
-        watch = _Watch(run, record, pace, stop, bar)
+    with defer_interrupt(STOPPING) as interrupt, run.terminal.share_bar() as bar:
+        watch = _Watch(run, record, pace, interrupt, bar)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
         if left > 0 and not pace.time_is_up:
             every = _LOGGED_ROLLOUTS if run.algorithm == "ppo" else _LOGGED_EPISODES
             model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=False)
         model.logger.close()
-        if not stop.asked and (not record.curve or record.curve[-1]["steps"] < model.num_timesteps):
+        evaluated = record.curve[-1]["steps"] if record.curve else -1
+        if not interrupt.pressed and evaluated < model.num_timesteps:
             record.consider(model, model.num_timesteps, pace.seconds)
         training_checkpoint.write(checkpoint, model, pace.seconds)
-        if stop.asked:
-            raise KeyboardInterrupt
 
 
 class _Watch(BaseCallback):
@@ -205,10 +205,11 @@ class _Watch(BaseCallback):
     """
 
     def __init__(
-        self, run: Run, record: Record, pace: TrainingBudget, stop: Stop, bar: Progress
+        self, run: Run, record: Record, pace: TrainingBudget, interrupt: Interrupt, bar: Progress
     ) -> None:
         super().__init__()
-        self._run, self._record, self._pace, self._stop, self._bar = run, record, pace, stop, bar
+        self._run, self._record, self._pace = run, record, pace
+        self._interrupt, self._bar = interrupt, bar
         self._critic_alone = run.recipe.learner.get(_CRITIC_ALONE, 0)
         self._task: TaskID = bar.add_task(run.algorithm, total=1.0)
         self._written = time.monotonic()
@@ -246,4 +247,4 @@ class _Watch(BaseCallback):
             completed=self._pace.done,
             description=words if best is None else f"{words}, best SPL {best:.4f}",
         )
-        return not (self._stop.asked or self._pace.time_is_up)
+        return not (self._interrupt.pressed or self._pace.time_is_up)

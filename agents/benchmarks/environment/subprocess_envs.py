@@ -8,7 +8,7 @@ from typing import Any
 
 import gymnasium as gym
 
-from agents.runtime.interrupts import uninterrupted
+from agents.runtime.interrupts import shield_new_processes
 
 
 @contextmanager
@@ -18,7 +18,7 @@ def in_processes(makers: Sequence[Callable[[], gym.Env[Any, Any]]]) -> Iterator[
 
     envs = None
     try:
-        with uninterrupted():
+        with shield_new_processes():
             # spawned, for a process with threads must not be forked
             envs = SubprocVecEnv(list(makers), start_method="spawn")
         yield envs

@@ -7,8 +7,6 @@ Reference:
 
 from __future__ import annotations
 
-import signal
-import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -24,6 +22,7 @@ from agents.models import torch_model
 from agents.models.model import Network
 from agents.models.model_card import Card, card_from
 from agents.models.torch_model import Learned
+from agents.runtime.interrupts import shield_new_processes
 from agents.runtime.worker_processes import deaths_told
 from agents.training.imitation.dataset import COLUMNS, row
 from ferguson_gym.runtime.arrays import Array
@@ -94,7 +93,7 @@ def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visite
         ChildProcessError: a worker died.
     """
     flying = Parallel(n_jobs=workers, return_as="generator")
-    with _deaf():
+    with shield_new_processes():
         visited = flying(delayed(visit)(one) for one in visits)
     try:
         with deaths_told():
@@ -103,22 +102,6 @@ def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visite
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # joblib's word on what is given up
             visited.close()
-
-
-@contextmanager
-def _deaf() -> Iterator[None]:
-    """Ignore Ctrl-C, and let processes started meanwhile do so: it is for who waits for them.
-
-    To block the signal would not do: who starts the first of them lets it through again.
-    """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def visit(asked: Visit) -> Visited:

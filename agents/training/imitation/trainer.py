@@ -29,9 +29,10 @@ from torch.utils.tensorboard import SummaryWriter
 from agents.models import networks
 from agents.models.model_card import Card
 from agents.models.torch_model import Learned
+from agents.runtime.interrupts import Interrupt, defer_interrupt, raise_if_interrupted
 from agents.runtime.jobs import DONE, Job
 from agents.training import run as training
-from agents.training.budget import Stop, TrainingBudget, stop_on_interrupt
+from agents.training.budget import STOPPING, TrainingBudget
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
 from agents.training.imitation.behavior_cloning import BehaviorCloning
@@ -234,12 +235,12 @@ class _School:
         self.pace.start(self._before)
         with (
             SummaryWriter(str(self._run.directory / "tensorboard")) as writer,
-            stop_on_interrupt() as stop,
+            defer_interrupt(STOPPING) as interrupt,
             self._run.terminal.share_bar() as bar,
         ):
             # one round at least: whoever was interrupted in the first may have used up its time
-            while not stop.asked and (self.pace.done < 1.0 or not record.curve):
-                costs = self._round(stop, bar)
+            while not interrupt.pressed and (self.pace.done < 1.0 or not record.curve):
+                costs = self._round(interrupt, bar)
                 if costs is None:
                     break
                 for name, value in costs.items():
@@ -249,32 +250,33 @@ class _School:
                 if self.pace.steps >= due or not curve:
                     record.consider(self._shell, self.pace.steps, self.pace.seconds)
                 self._keep()
-            if stop.asked:
-                raise KeyboardInterrupt
+            raise_if_interrupted()
             if record.curve[-1]["steps"] < self.pace.steps:
                 record.consider(self._shell, self.pace.steps, self.pace.seconds)
         record.finish()
 
-    def _round(self, stop: Stop, bar: Progress) -> dict[str, float] | None:
+    def _round(self, interrupt: Interrupt, bar: Progress) -> dict[str, float] | None:
         """Updates, while flights go on whose lessons the next round has; what updates cost.
 
         None if it is cut short: then it is for the next sitting, from its beginning, so that a
         training ends with the same model however often it is interrupted.
         """
         if self._run.algorithm == "bc":
-            if (costs := self._update(stop, bar)) is None:
+            if (costs := self._update(interrupt, bar)) is None:
                 return None
             self.pace.steps += self._told["updates"] * self._told["batch_size"]
             return costs
         if self._rounds == 0:
             with under_way(self._visits(self._told["first"]), self._run.workers) as first:
-                if self._learn_from(first, stop, bar, "first flights") is None:
+                if self._learn_from(first, interrupt, bar, "first flights") is None:
                     return None
             self._keep()
         with under_way(self._visits(1), self._run.workers) as going_on:
-            costs = self._update(stop, bar)
-            refused = None if costs is None else self._learn_from(going_on, stop, bar, "flights")
-        return None if costs is None or refused is None else {**costs, "refused": refused}
+            costs = self._update(interrupt, bar)
+            if costs is None:
+                return None
+            refused = self._learn_from(going_on, interrupt, bar, "flights")
+        return None if refused is None else {**costs, "refused": refused}
 
     def _visits(self, rounds: int) -> list[Visit]:
         """Flights of so many rounds, by the policy as it is now."""
@@ -302,7 +304,7 @@ class _School:
         return flown
 
     def _learn_from(
-        self, visited: Iterator[Visited], stop: Stop, bar: Progress, what: str
+        self, visited: Iterator[Visited], interrupt: Interrupt, bar: Progress, what: str
     ) -> float | None:
         """Take the lessons of flights in, and keep them.
 
@@ -313,12 +315,12 @@ class _School:
         steps = refused = 0
         task = bar.add_task(what, total=None)
         for one in visited:
-            if stop.asked:
+            if interrupt.pressed:
                 break
             rows.append(one.rows)
             steps, refused = steps + one.steps, refused + one.failures
         bar.remove_task(task)
-        if stop.asked:
+        if interrupt.pressed:
             return None
         every = np.concatenate(rows)
         with atomic_write(self._place / _ROWS.format(self._rounds)) as temporary:
@@ -328,7 +330,7 @@ class _School:
         self.pace.steps += steps
         return refused / max(steps, 1)
 
-    def _update(self, stop: Stop, bar: Progress) -> dict[str, float] | None:
+    def _update(self, interrupt: Interrupt, bar: Progress) -> dict[str, float] | None:
         """The updates of a round; None if it is to stop before they are done."""
         stream = np.random.default_rng((self._run.seed, self._rounds, self.pace.steps))
         task = bar.add_task(f"{self._run.algorithm}, {self.pace.steps:,} states", total=1.0)
@@ -337,9 +339,9 @@ class _School:
             lesson = self._lessons.draw(stream, self._told["batch_size"], self._told["hard"])
             costs.append(self._cloner.update(lesson, in_the_mirror=number % 2 == 1))
             bar.update(task, completed=self.pace.done)
-            if stop.asked:
+            if interrupt.pressed:
                 break
         bar.remove_task(task)
-        if stop.asked:
+        if interrupt.pressed:
             return None
         return {key: float(np.mean([cost[key] for cost in costs])) for key in costs[0]}

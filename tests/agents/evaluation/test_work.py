@@ -65,7 +65,7 @@ def stub(policy: str, field: str, seed: int) -> tuple[Record, Trace]:
     return record, Trace(control=control, refused=refused, windows=windows)
 
 
-def stubs(task: Task, look: Callable[[], None]) -> list[tuple[Record, Trace]]:
+def stubs(task: Task) -> list[tuple[Record, Trace]]:
     return [stub(task.policy, name_of(source), seed) for source, seed in task.flights]
 
 
@@ -77,7 +77,7 @@ def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         evaluation,
         "measure",
-        lambda _, policy, look: Timing(policy=policy, decisions=[1.0], flights=[1.0]),
+        lambda _, policy: Timing(policy=policy, decisions=[1.0], flights=[1.0]),
     )
 
 

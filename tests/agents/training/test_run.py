@@ -19,7 +19,7 @@ from agents.cli.main import main
 from agents.flights.batched import fly_batch, score
 from agents.models import loading
 from agents.training import checkpoint as training_checkpoint
-from agents.training.budget import LinearSchedule, TrainingBudget, stop_on_interrupt
+from agents.training.budget import LinearSchedule, TrainingBudget
 from agents.training.hyperparameters import SHIPPED, read
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import Record
@@ -419,11 +419,3 @@ def test_numbers_that_fall_do_so_by_the_limit_that_comes_first() -> None:
     assert not by_time.time_is_up
     assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).time_is_up
     assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).done == 1.0
-
-
-def test_the_second_interrupt_is_not_held_back() -> None:
-    with stop_on_interrupt() as stop:
-        signal.raise_signal(signal.SIGINT)
-        assert stop.asked
-        with pytest.raises(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
