@@ -93,13 +93,11 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
         "--backend",
         default="processes",
         metavar="NAME",
-        help="who flies: processes on this machine, or dask or ray, the workers of a cluster "
-        f"(Dask: {installing('cluster')}; Ray: .venv/bin/pip install ray), which need the same "
-        "versions, and agents at the same paths; no flight depends on it; default: %(default)s",
+        help="who flies: processes on this machine, or dask, the workers of a Dask cluster "
+        f"({installing('cluster')}), which need the same versions, and agents at the same paths; "
+        "no flight depends on it; default: %(default)s",
     )
-    evaluate.add_argument(
-        "--address", metavar="HOST:PORT", help="of the cluster's scheduler; Ray: default its own"
-    )
+    evaluate.add_argument("--address", metavar="HOST:PORT", help="of the cluster's scheduler")
     evaluate.add_argument(
         "--batch",
         type=positive,

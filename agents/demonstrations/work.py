@@ -22,11 +22,11 @@ import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
-from agents.runtime.interrupts import defer_interrupt, raise_if_interrupted
+from agents.runtime.executors import map_in_processes
+from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels
 from agents.runtime.provenance import commit, facts
 from agents.runtime.safe_npz import read_arrays
-from agents.runtime.worker_processes import GOES_ON, map_in_processes
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
@@ -163,21 +163,16 @@ def fly(place: Path, request: Request, missing: Iterable[int], workers: int) -> 
     """Fly the missing chunks; yields the number of fields of each that is done.
 
     Raises:
-        ChildProcessError: a worker died; what is finished is kept.
+        WorkerDiedError: a worker died; what is finished is kept.
     """
     arguments = json.dumps(request.environment, sort_keys=True)
     tasks = (
         (request.expert, arguments, request.chunk(number), _file(place, request, number))
         for number in missing
     )
-    if workers > 1:
-        calls = (delayed(_fly_chunk)(*task) for task in tasks)
-        yield from map_in_processes(calls, workers, in_order=False, afterwards=GOES_ON)
-        return
-    for task in tasks:
-        with defer_interrupt():
-            done = _fly_chunk(*task)
-        yield done
+    calls = (delayed(_fly_chunk)(*task) for task in tasks)
+    with map_in_processes(calls, workers) as done:
+        yield from done
 
 
 def flown(place: Path, request: Request) -> Iterator[Episode]:

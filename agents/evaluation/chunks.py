@@ -7,7 +7,6 @@ measures what decisions cost.
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Sequence
@@ -154,16 +153,3 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
         )
         flown.append((record_of(flight), trace_of(flight, task.drawn[k])))
     return flown
-
-
-def end_with(parent: int) -> None:
-    """Let this process end when the one that started it has ended, however that was."""
-    if os.name != "posix":  # elsewhere a process keeps its parent's number
-        return
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

@@ -16,12 +16,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib import delayed
 
 from agents.evaluation import records
-from agents.evaluation.chunks import Answer, Task, alone, task_of
+from agents.evaluation.chunks import Answer, Task, alone, fly_task, task_of
 from agents.evaluation.records import Pack, Record, Trace
 from agents.evaluation.request import Chunk, Request, name_of
-from agents.runtime.executors import Backend, WorkerDiedError, flying
+from agents.runtime.executors import Backend, Call, Run, WorkerDiedError, open_backend
 from agents.runtime.safe_npz import read_arrays
 from ferguson_gym.runtime.atomic_files import atomic_write
 
@@ -167,12 +168,12 @@ def fly(
     """
     left = {chunk.number: task_of(work.request, chunk, together) for chunk in missing}
     blame: Counter[int] = Counter()
-    with flying(backend) as run:
+    with open_backend(backend) as run:
         while left:
             held: set[int] = set()
             rest = [task for number, task in left.items() if blame[number] < DEATHS]
             try:
-                for answer in run(_noted(rest, held)):
+                for answer in run(_calls(rest, held)):
                     _see(work.request, answer)
                     work.keep(answer.chunk, answer.flown)
                     held.discard(answer.chunk)
@@ -183,7 +184,7 @@ def fly(
             yield from _suspects(work, left, run)
 
 
-def _suspects(work: Work, left: dict[int, Task], run: Any) -> Iterator[int]:
+def _suspects(work: Work, left: dict[int, Task], run: Run) -> Iterator[int]:
     """Fly what is left flight by flight; what does not fly is told at the end."""
     fatal: list[ChildProcessError] = []
     for number in list(left):
@@ -200,18 +201,18 @@ def _suspects(work: Work, left: dict[int, Task], run: Any) -> Iterator[int]:
         raise fatal[0]
 
 
-def _noted(tasks: Iterable[Task], held: set[int]) -> Iterator[Task]:
-    """Tasks, noted as they are handed out."""
+def _calls(tasks: Iterable[Task], held: set[int]) -> Iterator[Call]:
+    """Calls that fly tasks, whose chunks are added to `held` as they are handed out."""
     for task in tasks:
         held.add(task.chunk)
-        yield task
+        yield delayed(fly_task)(task)
 
 
-def _alone(run: Any, task: Task) -> Answer:
+def _alone(run: Run, task: Task) -> Answer:
     """The answer to a task of one flight, with no other in the air."""
     for _ in range(DEATHS):
         try:
-            (answer,) = run([task], 1)
+            (answer,) = run(_calls([task], set()), 1)
         except WorkerDiedError:
             continue
         found: Answer = answer

@@ -1,44 +1,129 @@
-"""Who flies: this process, worker processes on this machine, or a cluster's; all through joblib."""
+"""Work spread over worker processes of this machine, or over the workers of a Dask cluster."""
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import logging
 import os
-import queue
 import re
 import socket
 import threading
-from collections.abc import Callable, Iterable, Iterator
+import time
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, delayed
 
-from agents.evaluation.chunks import Answer, Task, end_with, fly_task
 from agents.runtime.interrupts import defer_interrupt, shield_new_processes
+from agents.runtime.safe_npz import reason
 from ferguson_gym.runtime.optional_dependencies import installing
 
-PROCESSES, DASK, RAY = "processes", "dask", "ray"
-BACKENDS = (PROCESSES, DASK, RAY)
-PATIENCE = 5.0
+PROCESSES, DASK = "processes", "dask"
+BACKENDS = (PROCESSES, DASK)
+TIMEOUT = 5.0
 """How long a scheduler may take to answer [s]."""
-_INSTALL = {
-    DASK: ("distributed", installing("cluster")),
-    RAY: ("ray", ".venv/bin/pip install ray"),
-}
+RESUMES = "what is finished is kept, and the same command resumes"
+Call = tuple[Callable[..., Any], Sequence[Any], Mapping[str, Any]]
+"""A function with its arguments, as `joblib.delayed` returns it."""
 
 
-class WorkerDiedError(Exception):
-    """A worker ended with a task in its hands."""
+class WorkerDiedError(ChildProcessError):
+    """A worker ended before it finished its call."""
+
+
+@contextmanager
+def map_in_processes(
+    calls: Iterable[Call],
+    workers: int,
+    *,
+    in_order: bool = False,
+    ahead: int | None = None,
+    afterwards: str = RESUMES,
+) -> Iterator[Iterator[Any]]:
+    """Spread calls over worker processes, which start at once.
+
+    Workers do not hear Ctrl-C, and end with this process. Calls that are left at the end of the
+    context are given up.
+
+    Args:
+        calls: what to do; read as workers get free.
+        workers: number of processes; a single one is this process, and works as results are read.
+        in_order: whether results come in the order of their calls.
+        ahead: number of calls handed out at a time; None: two for each worker.
+        afterwards: what is left when a worker dies, and how to resume.
+
+    Yields:
+        The results, as they come.
+
+    Raises:
+        WorkerDiedError: a worker died.
+        KeyboardInterrupt: between two calls, if this is the only process.
+    """
+    if workers == 1:
+        yield _one_by_one(calls)
+        return
+    parallel = Parallel(
+        n_jobs=workers,
+        backend="loky",
+        return_as="generator" if in_order else "generator_unordered",
+        batch_size="auto" if in_order else 1,  # results that are kept as they come do not wait
+        pre_dispatch=ahead or 2 * workers,
+        max_nbytes=None,  # arguments travel through pipes, not through files
+    )
+    with shield_new_processes():
+        results = parallel(delayed(_call_in_worker)(os.getpid(), *call) for call in calls)
+    try:
+        yield results
+    except BrokenProcessPool:
+        raise WorkerDiedError(
+            "a worker process died: killed, or short of memory, of which fewer --workers take "
+            f"less; {afterwards}"
+        ) from None
+    finally:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # joblib warns of calls that are given up
+            results.close()
+
+
+def _one_by_one(calls: Iterable[Call]) -> Iterator[Any]:
+    for function, given, named in calls:
+        with defer_interrupt():
+            result = function(*given, **named)
+        yield result
+
+
+_watched = threading.Event()
+"""Set in worker processes that end with their parent."""
+
+
+def _call_in_worker(
+    parent: int, function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any]
+) -> Any:
+    if not _watched.is_set():
+        _watched.set()
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    return function(*given, **named)
+
+
+def _end_with(parent: int) -> None:
+    """End this process when the one that started it has ended, even if that was killed."""
+    if os.name != "posix":  # elsewhere a process keeps its parent's number
+        return
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    os._exit(1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backend:
-    """Who flies.
+    """Where calls run.
 
     Raises:
         ValueError: arguments that do not go together, or a library that is not installed.
@@ -46,7 +131,7 @@ class Backend:
 
     name: str = PROCESSES
     workers: int | None = None
-    """Processes on this machine; None: one, this. Clusters have their own."""
+    """Processes on this machine; None: one, this. A cluster has its own."""
     address: str | None = None
     """HOST:PORT of a cluster's scheduler."""
 
@@ -55,30 +140,21 @@ class Backend:
             raise ValueError(f"unknown backend {self.name!r}; backends are {', '.join(BACKENDS)}")
         if self.name == PROCESSES:
             if self.address is not None:
-                raise ValueError(
-                    f"--address {self.address} is for a cluster: add --backend dask or ray"
-                )
+                raise ValueError(f"--address {self.address} is for a cluster: add --backend dask")
             return
         if self.workers is not None:
             raise ValueError(
                 f"--workers {self.workers} is for processes on this machine; with --backend "
                 f"{self.name} the cluster's own workers fly, so leave it out"
             )
-        if self.address is None and self.name == DASK:
+        if self.address is None:
             raise ValueError("--backend dask needs the --address HOST:PORT of its scheduler")
-        if self.address is not None:
-            place_of(self.address)
-        module, hint = _INSTALL[self.name]
-        if importlib.util.find_spec(module) is None:
-            raise ValueError(f"--backend {self.name} needs {module}: {hint}")
-
-    @property
-    def alone(self) -> bool:
-        """Whether everything happens in this process."""
-        return self.name == PROCESSES and (self.workers or 1) == 1
+        parse_address(self.address)
+        if importlib.util.find_spec("distributed") is None:
+            raise ValueError(f"--backend dask needs distributed: {installing('cluster')}")
 
 
-def place_of(address: str) -> tuple[str, int]:
+def parse_address(address: str) -> tuple[str, int]:
     """Host and port.
 
     Raises:
@@ -99,88 +175,48 @@ def check(backend: Backend) -> None:
     if backend.address is None:
         return
     try:
-        with socket.create_connection(place_of(backend.address), timeout=PATIENCE) as speaking:
-            if backend.name == DASK:
-                _hear_dask(speaking)
+        with socket.create_connection(parse_address(backend.address), TIMEOUT) as connection:
+            # Dask's client waits forever if something else listens there. A scheduler speaks
+            # first, and begins with a small number.
+            connection.settimeout(TIMEOUT)
+            greeting = connection.recv(8)
+            if len(greeting) < 8 or int.from_bytes(greeting, "little") >= 2**32:
+                raise OSError("something else listens there")
     except OSError as error:
-        raise ConnectionError(_unreachable(backend, error)) from None
-    if backend.name == DASK:
-        with _dask(backend):
-            pass
+        raise _unreachable(backend, error) from None
+    with _dask(backend):
+        pass
 
 
-def _hear_dask(speaking: socket.socket) -> None:
-    """See that it is a scheduler which listens: Dask's client waits for ever for one that is none.
-
-    Raises:
-        OSError: it is none.
-    """
-    speaking.settimeout(PATIENCE)
-    # a scheduler speaks first, and begins with a small number
-    heard = speaking.recv(8)
-    if len(heard) < 8 or int.from_bytes(heard, "little") >= 2**32:
-        raise OSError("something else listens there")
-
-
-def _unreachable(backend: Backend, error: object) -> str:
-    return (
-        f"no {backend.name} scheduler at {backend.address} ({error}); start one, or correct "
-        "--address"
+def _unreachable(backend: Backend, error: object) -> ConnectionError:
+    return ConnectionError(
+        f"no dask scheduler at {backend.address} ({error}); start one, or correct --address"
     )
+
+
+Run = Callable[..., Iterator[Any]]
+"""`run(calls, ahead=None)` yields the results of calls as they come; `calls` is read as workers
+get free, and `ahead` of them are handed out at a time (None: two for each worker)."""
 
 
 @contextmanager
-def flying(backend: Backend) -> Iterator[Callable[..., Iterator[Answer]]]:
-    """What flies tasks: `run(tasks, ahead)` yields answers as they come.
+def open_backend(backend: Backend) -> Iterator[Run]:
+    """Connect to a backend.
 
-    `tasks` is read as workers get free; `ahead` tasks are handed out at a time (None: some more
-    than there are workers). If a worker died, `run` raises `WorkerDiedError` and may be called
-    again; if the scheduler is lost, OSError.
+    Yields:
+        What runs calls there. It raises `WorkerDiedError` if a worker died, and may then be called
+        again; it raises OSError if the scheduler is lost.
     """
-    if backend.name == PROCESSES:
-        yield lambda tasks, ahead=None: _processes(backend.workers or 1, tasks, ahead)
-    elif backend.name == DASK:
+    if backend.name == DASK:
         with _dask(backend) as client:
-            yield lambda tasks, ahead=None: _on_dask(backend, client, tasks, ahead)
-    else:
-        with _ray(backend):
-            yield _on_ray
-
-
-def _processes(workers: int, tasks: Iterable[Task], ahead: int | None) -> Iterator[Answer]:
-    if workers == 1:
-        for task in tasks:
-            with defer_interrupt():
-                answer = fly_task(task)
-            yield answer
+            yield lambda calls, ahead=None: _in_cluster(backend, client, calls, ahead)
         return
-    parallel = Parallel(
-        n_jobs=workers,
-        backend="loky",
-        return_as="generator_unordered",
-        batch_size=1,
-        pre_dispatch=ahead or 2 * workers,
-        max_nbytes=None,  # no files beside the processes
-    )
-    with shield_new_processes():
-        answers = parallel(delayed(_fly_here)(task, os.getpid()) for task in tasks)
-    try:
-        yield from answers
-    except BrokenProcessPool:
-        raise WorkerDiedError from None
-    finally:
-        answers.close()
 
+    def run(calls: Iterable[Call], ahead: int | None = None) -> Iterator[Any]:
+        with map_in_processes(calls, backend.workers or 1, ahead=ahead) as results:
+            yield from results
 
-_watched = threading.Event()
-"""Set in worker processes that end with their parent."""
-
-
-def _fly_here(task: Task, parent: int) -> Answer:
-    if not _watched.is_set():
-        _watched.set()
-        end_with(parent)
-    return fly_task(task)
+    yield run
 
 
 @contextmanager
@@ -192,19 +228,19 @@ def _dask(backend: Backend) -> Iterator[Any]:
     """
     distributed: Any = importlib.import_module("distributed")
     assert backend.address is not None
-    host, port = place_of(backend.address)
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what is lost is told below
+    host, port = parse_address(backend.address)
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # losses are reported below
     try:
         client = distributed.Client(
             f"tcp://{f'[{host}]' if ':' in host else host}:{port}",
-            timeout=PATIENCE,
+            timeout=TIMEOUT,
             set_as_default=False,
         )
     except OSError as error:
-        raise ConnectionError(_unreachable(backend, error)) from None
+        raise _unreachable(backend, error) from None
     try:
         try:
-            client.wait_for_workers(1, timeout=PATIENCE)
+            client.wait_for_workers(1, timeout=TIMEOUT)
         except TimeoutError:
             raise ConnectionError(
                 f"the dask scheduler at {backend.address} has no workers; start some, for example: "
@@ -212,97 +248,44 @@ def _dask(backend: Backend) -> Iterator[Any]:
             ) from None
         yield client
     finally:
-        client.close(timeout=PATIENCE)
+        client.close(timeout=TIMEOUT)
 
 
-def _on_dask(
-    backend: Backend, client: Any, tasks: Iterable[Task], ahead: int | None
-) -> Iterator[Answer]:
-    with parallel_config(backend="dask", client=client):
-        parallel = Parallel(
-            n_jobs=-1,
-            return_as="generator_unordered",
-            batch_size=1,
-            pre_dispatch=ahead or "2*n_jobs",
-        )
+def _in_cluster(
+    backend: Backend, client: Any, calls: Iterable[Call], ahead: int | None
+) -> Iterator[Any]:
+    distributed: Any = importlib.import_module("distributed")
+    waiting = iter(calls)
+    finished = distributed.as_completed(loop=client.loop)
 
-        def pulse() -> None:
-            """Joblib waits for ever for what failed on its way."""
-            if client.status != "running":
-                raise OSError(
-                    f"lost the dask scheduler at {backend.address}; the same command goes on where "
-                    "this one stopped"
-                )
-            for future in [*client.futures.values()]:
-                if future.status == "error":
-                    raise _what_failed(backend, future.exception)
+    def hand_out(number: int) -> None:
+        for call in islice(waiting, number):
+            finished.add(client.submit(_attempt, *call, pure=False))
 
-        yield from _watched_over(parallel, (delayed(fly_task)(task) for task in tasks), pulse)
-
-
-def _what_failed(backend: Backend, error: BaseException | None) -> Exception:
-    """Why a task came to no end: its worker died, or could not even begin."""
-    if type(error).__name__ == "KilledWorker":
-        return WorkerDiedError()
-    return OSError(
-        f"a worker of {backend.address} could not take its task ({type(error).__name__}: {error}); "
-        "is the same version of this package installed there?"
-    )
-
-
-def _watched_over(
-    parallel: Any, tasks: Iterable[Any], pulse: Callable[[], None]
-) -> Iterator[Answer]:
-    """The answers that a thread waits for, while another looks whether they can still come."""
-    answers: queue.SimpleQueue[Any] = queue.SimpleQueue()
-    over = object()
-    config = parallel._backend
-
-    def wait() -> None:
+    hand_out(ahead or 2 * max(1, sum(client.nthreads().values())))
+    for future in finished:
         try:
-            with parallel_config(backend=config):
-                for answer in parallel(tasks):
-                    answers.put(answer)
-            answers.put(over)
-        except BaseException as error:
-            answers.put(error)
-
-    threading.Thread(target=wait, daemon=True).start()
-    while True:
-        try:
-            answer = answers.get(timeout=1.0)
-        except queue.Empty:
-            pulse()
-            continue
-        if answer is over:
-            return
-        if isinstance(answer, BaseException):
-            pulse()
-            raise answer
-        yield answer
+            result, error = future.result()
+        except distributed.KilledWorker:  # the scheduler has tried several workers
+            raise WorkerDiedError(f"workers of {backend.address} died; {RESUMES}") from None
+        except CancelledError:
+            raise OSError(f"lost the dask scheduler at {backend.address}; {RESUMES}") from None
+        except Exception as error:
+            raise OSError(
+                f"a worker of {backend.address} could not start a call ({type(error).__name__}: "
+                f"{reason(error)}); is the same version of this package installed there?"
+            ) from None
+        if error is not None:
+            raise error
+        hand_out(1)
+        yield result
 
 
-@contextmanager
-def _ray(backend: Backend) -> Iterator[None]:
-    ray: Any = importlib.import_module("ray")
-    importlib.import_module("ray.util.joblib").register_ray()
-    logging.getLogger("ray").setLevel(logging.ERROR)
-    ray.init(address=backend.address, log_to_driver=False, logging_level=logging.ERROR)
+def _attempt(
+    function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any]
+) -> tuple[Any, Exception | None]:
+    """The result of a call, or its error: then any other error means that it could not begin."""
     try:
-        yield
-    finally:
-        ray.shutdown()
-
-
-def _on_ray(tasks: Iterable[Task], ahead: int | None = None) -> Iterator[Answer]:
-    """In rounds, for Ray's backend gives nothing back before all of a call is done."""
-    ray: Any = importlib.import_module("ray")
-    waiting = iter(tasks)
-    size = ahead or 4 * max(1, int(ray.cluster_resources().get("CPU", 1)))
-    while flown := list(islice(waiting, size)):
-        try:
-            yield from Parallel(n_jobs=-1, backend="ray", batch_size=1)(
-                delayed(fly_task)(task) for task in flown
-            )
-        except ray.exceptions.RayError:
-            raise WorkerDiedError from None
+        return function(*given, **named), None
+    except Exception as error:
+        return None, error

@@ -189,7 +189,7 @@ def test_a_field_is_planned_or_refused(
         workers=st.sampled_from(["1", "0", "x", ""]),
         batch=NUMBERS,
         fresh=FLAG,
-        backend=st.sampled_from(["processes", "dask", "ray", "x", ""]),
+        backend=st.sampled_from(["processes", "dask", "x", ""]),
         address=st.sampled_from(["", "x", "127.0.0.1:1", "127.0.0.1:99999", "[::1]:x"]),
     ),
     out=PLACES,

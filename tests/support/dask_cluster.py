@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.runtime.executors import place_of
+from agents.runtime.executors import parse_address
 from tests.support.places import ROOT
 
 Start = Callable[[], subprocess.Popen[bytes]]
@@ -54,7 +54,7 @@ def cluster(place: Path) -> Iterator[tuple[str, subprocess.Popen[bytes], Start]]
         end = time.monotonic() + 60.0
         while True:
             try:
-                socket.create_connection(place_of(address), timeout=1.0).close()
+                socket.create_connection(parse_address(address), timeout=1.0).close()
                 break
             except OSError:
                 assert scheduler.poll() is None

@@ -12,7 +12,7 @@ import numpy as np
 from joblib import delayed
 
 from agents.policies.warm_up import warm
-from agents.runtime.worker_processes import map_in_processes
+from agents.runtime.executors import map_in_processes
 from ferguson_gym.curves.path import Path
 from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
@@ -190,8 +190,9 @@ def runs(
     All planners take a field one after the other: what slows the machine for a while slows all.
 
     Raises:
-        ChildProcessError: a worker died.
+        WorkerDiedError: a worker died.
     """
     tasks = itertools.product(fields, seeds, planners)
     calls = (delayed(run)(name, seconds, field, seed) for field, seed, name in tasks)
-    return map_in_processes(calls, workers, in_order=True, afterwards=_AFTERWARDS)
+    with map_in_processes(calls, workers, in_order=True, afterwards=_AFTERWARDS) as results:
+        yield from results

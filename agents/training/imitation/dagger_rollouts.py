@@ -7,14 +7,10 @@ Reference:
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from joblib import Parallel, delayed
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
@@ -22,8 +18,6 @@ from agents.models import torch_model
 from agents.models.model import Network
 from agents.models.model_card import Card, card_from
 from agents.models.torch_model import Learned
-from agents.runtime.interrupts import shield_new_processes
-from agents.runtime.worker_processes import deaths_told
 from agents.training.imitation.dataset import COLUMNS, row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
@@ -81,27 +75,6 @@ class _Flight:
     def __init__(self, seed: int, field: Field, vehicle: transition.State) -> None:
         self.seed, self.field, self.vehicle = seed, field, vehicle
         self.rows: list[list[float]] = []
-
-
-@contextmanager
-def under_way(visits: Sequence[Visit], workers: int) -> Iterator[Iterator[Visited]]:
-    """Visits that are flown from now on, in other processes if there are several workers.
-
-    What came of them, in their order. At the end of the context those that are left are given up.
-
-    Raises:
-        ChildProcessError: a worker died.
-    """
-    flying = Parallel(n_jobs=workers, return_as="generator")
-    with shield_new_processes():
-        visited = flying(delayed(visit)(one) for one in visits)
-    try:
-        with deaths_told():
-            yield visited
-    finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # joblib's word on what is given up
-            visited.close()
 
 
 def visit(asked: Visit) -> Visited:

@@ -15,12 +15,14 @@ import itertools
 import math
 import shutil
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, cast
 
 import numba
 import numpy as np
 import torch
+from joblib import delayed
 from rich.progress import Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
@@ -29,14 +31,15 @@ from torch.utils.tensorboard import SummaryWriter
 from agents.models import networks
 from agents.models.model_card import Card
 from agents.models.torch_model import Learned
+from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import Interrupt, defer_interrupt, raise_if_interrupted
 from agents.runtime.jobs import DONE, Job
 from agents.training import run as training
 from agents.training.budget import STOPPING, TrainingBudget
 from agents.training.hyperparameters import slope
-from agents.training.imitation import demonstration_data
+from agents.training.imitation import dagger_rollouts, demonstration_data
 from agents.training.imitation.behavior_cloning import BehaviorCloning
-from agents.training.imitation.dagger_rollouts import Visit, Visited, under_way
+from agents.training.imitation.dagger_rollouts import Visit, Visited
 from agents.training.imitation.dataset import ImitationDataset
 from agents.training.learning_curve import Record
 from agents.training.run import Run
@@ -267,16 +270,21 @@ class _School:
             self.pace.steps += self._told["updates"] * self._told["batch_size"]
             return costs
         if self._rounds == 0:
-            with under_way(self._visits(self._told["first"]), self._run.workers) as first:
+            with self._fly(self._visits(self._told["first"])) as first:
                 if self._learn_from(first, interrupt, bar, "first flights") is None:
                     return None
             self._keep()
-        with under_way(self._visits(1), self._run.workers) as going_on:
+        with self._fly(self._visits(1)) as going_on:
             costs = self._update(interrupt, bar)
             if costs is None:
                 return None
             refused = self._learn_from(going_on, interrupt, bar, "flights")
         return None if refused is None else {**costs, "refused": refused}
+
+    def _fly(self, asked: list[Visit]) -> AbstractContextManager[Iterator[Visited]]:
+        """Start flights, in other processes if there are several workers."""
+        calls = (delayed(dagger_rollouts.visit)(one) for one in asked)
+        return map_in_processes(calls, self._run.workers, in_order=True, ahead=len(asked))
 
     def _visits(self, rounds: int) -> list[Visit]:
         """Flights of so many rounds, by the policy as it is now."""

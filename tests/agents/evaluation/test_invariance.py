@@ -62,7 +62,7 @@ def test_any_number_of_flights_in_the_air_are_the_same(
 def test_a_dask_cluster_of_two_flies_the_same(
     plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(executors, "PATIENCE", 60.0)  # the machine may be busy
+    monkeypatch.setattr(executors, "TIMEOUT", 60.0)  # the machine may be busy
     with cluster(tmp_path) as (address, _, worker):
         worker(), worker()
         backend = Backend(name="dask", address=address)

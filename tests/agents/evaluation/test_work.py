@@ -23,7 +23,7 @@ from agents.evaluation.request import Request, field_of, name_of, spans
 from agents.evaluation.timing import Timing
 from agents.evaluation.work import WORK, Work
 from agents.policies.shield_decisions import ShieldDecision
-from agents.runtime.executors import Backend, WorkerDiedError
+from agents.runtime.executors import Backend, Call, WorkerDiedError
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.outcome import Outcome
 
@@ -157,10 +157,10 @@ def dying(dies: Callable[[list[str]], bool]) -> Callable[[Backend], Any]:
 
     @contextmanager
     def flying(_: Backend) -> Iterator[Any]:
-        def run(tasks: Iterator[Task], ahead: int | None = None) -> Iterator[Answer]:
-            tasks = iter(tasks)
-            while held := list(itertools.islice(tasks, ahead or 3)):
-                for task in held:
+        def run(calls: Iterator[Call], ahead: int | None = None) -> Iterator[Answer]:
+            calls = iter(calls)
+            while held := list(itertools.islice(calls, ahead or 3)):
+                for _, (task,), _ in held:
                     if dies([name_of(source) for source, _ in task.flights]):
                         raise WorkerDiedError
                     yield fly_task(task)
@@ -181,7 +181,7 @@ def test_chunks_of_workers_that_died_are_flown_again(
             deaths.append(names)
         return bool(dead)
 
-    monkeypatch.setattr(evaluation_work, "flying", dying(dies))
+    monkeypatch.setattr(evaluation_work, "open_backend", dying(dies))
     evaluation.run(REQUEST, tmp_path / "results", ALONE)
     assert contents(tmp_path / "results") == whole
     assert len(deaths) > 3
@@ -192,7 +192,9 @@ def test_a_flight_that_always_ends_its_worker_is_named_and_the_others_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     request = replace(REQUEST, seeds=[5])
-    monkeypatch.setattr(evaluation_work, "flying", dying(lambda names: "sparse/train:2" in names))
+    monkeypatch.setattr(
+        evaluation_work, "open_backend", dying(lambda names: "sparse/train:2" in names)
+    )
     told = "a worker died 3 times while guided flew the field sparse/train:2, seed 5"
     with pytest.raises(ChildProcessError, match=told):
         evaluation.run(request, tmp_path, ALONE)
@@ -291,9 +293,9 @@ def test_workers_of_other_software_are_refused(
 ) -> None:
     @contextmanager
     def flying(_: Backend) -> Iterator[Any]:
-        yield lambda tasks, ahead=None: (replace(fly_task(task), **entries) for task in tasks)
+        yield lambda calls: (replace(fly_task(*given), **entries) for _, given, _ in calls)
 
-    monkeypatch.setattr(evaluation_work, "flying", flying)
+    monkeypatch.setattr(evaluation_work, "open_backend", flying)
     with pytest.raises(OSError, match=told):
         evaluation.run(REQUEST, tmp_path, ALONE)
 

@@ -16,7 +16,7 @@ from agents.cli.main import main
 from agents.demonstrations import work
 from agents.evaluation import chunks, timing
 from agents.evaluation.work import WORK
-from agents.runtime.worker_processes import map_in_processes
+from agents.runtime.executors import Call, WorkerDiedError, map_in_processes
 from tests.support.waiting import until
 
 TELL = "what is there is kept"
@@ -25,14 +25,17 @@ TELL = "what is there is kept"
 @pytest.mark.parametrize("workers", [1, 2])
 def test_results_come_in_order(workers: int) -> None:
     calls = (delayed(divmod)(number, 3) for number in range(10))
-    found = list(map_in_processes(calls, workers, in_order=True, afterwards=TELL))
-    assert found == [divmod(number, 3) for number in range(10)]
+    with map_in_processes(calls, workers, in_order=True) as results:
+        assert list(results) == [divmod(number, 3) for number in range(10)]
 
 
 def test_a_death_is_told_in_one_line() -> None:
-    calls = [delayed(os._exit)(3) for _ in range(4)]
-    with pytest.raises(ChildProcessError, match=f"died: killed, or short of memory.*; {TELL}$"):
-        list(map_in_processes(calls, 2, in_order=False, afterwards=TELL))
+    def run(calls: list[Call]) -> None:
+        with map_in_processes(calls, 2, afterwards=TELL) as results:
+            list(results)
+
+    with pytest.raises(WorkerDiedError, match=f"died: killed, or short of memory.*; {TELL}$"):
+        run([delayed(os._exit)(3) for _ in range(4)])
 
 
 def press(module: Any, name: str, patch: pytest.MonkeyPatch, at: int) -> list[int]:
