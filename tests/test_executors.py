@@ -14,8 +14,9 @@ from joblib import delayed
 from agents.cli.main import main
 from agents.evaluation import run as evaluation
 from agents.evaluation.request import Request
-from agents.evaluation.work import WORK, Work
+from agents.evaluation.work import WORK
 from agents.runtime import executors
+from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend, Call, WorkerDiedError, open_backend, parse_address
 from tests.support.dask_cluster import cluster, free_port
 
@@ -44,7 +45,7 @@ def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     evaluation.run(REQUEST, tmp_path / "here", Backend())
-    keep = Work.keep
+    keep = ChunkStore.write
     with cluster(tmp_path) as (address, _, worker):
         workers = [worker(), worker()]
         backend = Backend(name="dask", address=address)
@@ -52,11 +53,11 @@ def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
         evaluation.run(REQUEST, tmp_path / "there", backend)
         assert contents(tmp_path / "there") == contents(tmp_path / "here")
 
-        def kill_one(work: Work, chunk: int, flown: Any) -> None:
-            keep(work, chunk, flown)
+        def kill_one(store: ChunkStore, chunk: int, flown: Any) -> None:
+            keep(store, chunk, flown)
             workers[0].kill()
 
-        monkeypatch.setattr(Work, "keep", kill_one)
+        monkeypatch.setattr(ChunkStore, "write", kill_one)
         evaluation.run(REQUEST, tmp_path / "again", backend)
         assert workers[0].poll() is not None
         assert contents(tmp_path / "again") == contents(tmp_path / "here")
@@ -67,16 +68,16 @@ def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
 def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keep = Work.keep
+    keep = ChunkStore.write
     with cluster(tmp_path) as (address, scheduler, worker):
         worker()
 
-        def kill(work: Work, chunk: int, flown: Any) -> None:
-            keep(work, chunk, flown)
+        def kill(store: ChunkStore, chunk: int, flown: Any) -> None:
+            keep(store, chunk, flown)
             scheduler.kill()
 
         with monkeypatch.context() as patch:
-            patch.setattr(Work, "keep", kill)
+            patch.setattr(ChunkStore, "write", kill)
             with pytest.raises(OSError, match=f"lost the dask scheduler at {address}"):
                 evaluation.run(REQUEST, tmp_path / "lost", Backend(name="dask", address=address))
     assert list((tmp_path / "lost" / WORK).glob("chunk-*"))

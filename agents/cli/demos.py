@@ -109,7 +109,7 @@ def prepare(options: argparse.Namespace) -> Job:
                 f"there is a dataset {options.out} at {place}; choose another id, or replace it "
                 "with --fresh"
             )
-        work.check(making.work_place(place), request)
+        work.open_store(making.work_place(place), request).holds_work()
 
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import shutil
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -16,6 +15,7 @@ from agents.demonstrations import minari_store as dataset
 from agents.demonstrations import work
 from agents.demonstrations.episode import make_environment, record
 from agents.demonstrations.work import Request
+from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
@@ -80,34 +80,32 @@ def make(
         OSError: a worker died, or the disk refuses; what is flown is kept.
         KeyboardInterrupt: what is flown is kept.
     """
-    directory = work_place(place)
+    store = work.open_store(work_place(place), request)
     if fresh:
-        _clear(directory, request)
-    missing = work.begin(directory, request)
+        _clear(store)
+    missing = store.begin()
     with (terminal or Terminal()).bar() as progress:
         flying = progress.add_task("flights", total=len(request.fields))
         progress.advance(flying, _fields_in(request, missing))
-        for done in work.fly(directory, request, missing, workers):
+        for done in work.fly(store, request, missing, workers):
             progress.advance(flying, done)
-        tally = count(directory, request)
+        tally = count(store)
         if tally.flights:
             label = _label(request, dataset_id, tally)
-            good = (
-                episode for episode in work.flown(directory, request) if episode.outcome.success
-            )
+            good = (episode for episode in work.flown(store) if episode.outcome.success)
             writing = progress.add_task("writing", total=tally.flights)
-            for done in dataset.write(label, good, directory / "staging", fresh):
+            for done in dataset.write(label, good, store.place / "staging", fresh):
                 progress.advance(writing, done)
-    shutil.rmtree(directory)
+    store.remove()
     return tally
 
 
-def _clear(directory: Path, request: Request) -> None:
+def _clear(store: ChunkStore) -> None:
     """Remove what is not this request's work; its own would be flown alike again."""
     try:
-        work.check(directory, request)
+        store.holds_work()
     except ValueError:
-        shutil.rmtree(directory)
+        store.remove()
 
 
 def _fields_in(request: Request, missing: list[int]) -> int:
@@ -115,11 +113,11 @@ def _fields_in(request: Request, missing: list[int]) -> int:
     return len(request.fields) - sum(len(request.chunk(number)) for number in missing)
 
 
-def count(directory: Path, request: Request) -> Tally:
+def count(store: ChunkStore) -> Tally:
     """What came of the flights in a work directory where none is missing."""
     returns: list[float] = []
     steps, failed = 0, {}
-    for episode in work.flown(directory, request):
+    for episode in work.flown(store):
         if episode.outcome.success:
             returns.append(float(episode.rewards.sum()))
             steps += len(episode.actions)

@@ -1,12 +1,7 @@
-"""Flying demonstrations in parallel, chunk by chunk, so that an interruption loses little.
-
-A chunk is a file in a work directory, written whole when its fields are flown. Whoever flies which
-chunk, and however often the work is interrupted, the chunks are the same in the end.
-"""
+"""Flying demonstrations in parallel, chunk by chunk, so that an interruption loses little."""
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,19 +10,17 @@ from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
-import numpy as np
 from joblib import delayed
 
 import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
+from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels
 from agents.runtime.provenance import commit, facts
-from agents.runtime.safe_npz import read_arrays
-from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import family
@@ -38,7 +31,6 @@ MOST = 1_000_000
 """Fields of one data set."""
 LIBRARIES = ("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp")
 """What flights depend on."""
-_REQUEST = "request.json"
 
 
 def _software() -> dict[str, Any]:
@@ -93,12 +85,6 @@ class Request:
         """The fields of a chunk."""
         return self.fields[number * CHUNK : (number + 1) * CHUNK]
 
-    @cached_property
-    def digest(self) -> str:
-        """Short, and different for any other request."""
-        text = json.dumps(self.as_json(), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
-
     def as_json(self) -> dict[str, Any]:
         """What makes it this request, as values that JSON has."""
         return {
@@ -109,95 +95,45 @@ class Request:
         }
 
 
-def check(place: Path, request: Request) -> None:
-    """Refuse to go on with the work of another request.
-
-    Raises:
-        ValueError: the work directory holds another request's work, or something else.
-    """
-    # a run may have been stopped before it wrote what it is
-    if not any(not path.name.startswith(".") for path in place.glob("*")):
-        return
-    wanted = request.as_json()
-    try:
-        found = json.loads((place / _REQUEST).read_text(encoding="utf-8"))
-        differing = [key for key in wanted if found.get(key) != wanted[key]]
-    except (OSError, ValueError, AttributeError):
-        raise ValueError(
-            f"{place} holds no work on demonstrations; start over with --fresh"
-        ) from None
-    if differing:
-        changes = "; ".join(
-            f"{key} was {json.dumps(found.get(key))}, now {json.dumps(wanted[key])}"
-            for key in differing
-        )
-        raise ValueError(
-            f"an interrupted run of other demonstrations lies at {place} ({changes}); finish it "
-            "with its own command, or start over with --fresh"
-        )
+def open_store(place: Path, request: Request) -> ChunkStore:
+    """The chunks of a request in a work directory."""
+    return ChunkStore(place=place, request=request.as_json(), number=request.chunks)
 
 
-def begin(place: Path, request: Request) -> list[int]:
-    """Make or take up a work directory.
-
-    Returns:
-        The chunks that are missing.
-
-    Raises:
-        ValueError: as `check`.
-    """
-    check(place, request)
-    place.mkdir(parents=True, exist_ok=True)
-    if not (place / _REQUEST).exists():
-        with atomic_write(place / _REQUEST) as temporary:
-            temporary.write_text(json.dumps(request.as_json(), indent=1), encoding="utf-8")
-    return [k for k in range(request.chunks) if not _file(place, request, k).exists()]
-
-
-def _file(place: Path, request: Request, number: int) -> Path:
-    # the digest: a worker that outlived a killed run must not write into another request's work
-    return place / f"chunk-{request.digest}-{number:06d}.npz"
-
-
-def fly(place: Path, request: Request, missing: Iterable[int], workers: int) -> Iterator[int]:
+def fly(store: ChunkStore, request: Request, missing: Iterable[int], workers: int) -> Iterator[int]:
     """Fly the missing chunks; yields the number of fields of each that is done.
 
     Raises:
         WorkerDiedError: a worker died; what is finished is kept.
     """
     arguments = json.dumps(request.environment, sort_keys=True)
-    tasks = (
-        (request.expert, arguments, request.chunk(number), _file(place, request, number))
+    calls = (
+        delayed(_fly_chunk)(request.expert, arguments, request.chunk(number), store, number)
         for number in missing
     )
-    calls = (delayed(_fly_chunk)(*task) for task in tasks)
     with map_in_processes(calls, workers) as done:
         yield from done
 
 
-def flown(place: Path, request: Request) -> Iterator[Episode]:
+def flown(store: ChunkStore) -> Iterator[Episode]:
     """The episodes of all fields in order, when no chunk is missing; failed ones, too.
 
     Raises:
         OSError: a chunk cannot be read.
     """
-    for number in range(request.chunks):
-        path = _file(place, request, number)
-        try:
-            episodes = list(unpack(read_arrays(path)))
-        except ValueError as error:
-            raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
-        yield from episodes
+    for number in range(store.number):
+        yield from store.read(number, lambda packed: list(unpack(packed)))
 
 
 def _fly_chunk(
     expert: str,
     arguments: str,
     fields: list[str],
-    path: Path,
+    store: ChunkStore,
+    number: int,
 ) -> int:
     """Fly some fields and write their chunk: what a worker process is handed."""
-    if path.exists():
+    if store.file(number).exists():
         return len(fields)
     compile_kernels()
     policy, env = _policy(expert), _environment(arguments)
@@ -209,8 +145,7 @@ def _fly_chunk(
             error.add_note(f"while {expert} flew the field {name}")
             raise
         raise_if_interrupted()
-    with atomic_write(path) as temporary:
-        np.savez(temporary, allow_pickle=False, **pack(episodes))
+    store.write(number, pack(episodes))
     return len(fields)
 
 

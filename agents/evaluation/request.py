@@ -6,8 +6,6 @@ seed. A chunk is a stretch of them with one policy.
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -120,12 +118,6 @@ class Request:
             "chunk": self.chunk or [PLANNED, BATCHED],
             **self.software,
         }
-
-    @cached_property
-    def digest(self) -> str:
-        """Short, and different for any other request."""
-        text = json.dumps(self.configuration, sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def spans(names: Sequence[str]) -> list[str]:

@@ -20,6 +20,7 @@ from agents.evaluation.work import Work
 from agents.flights.flight import Flight
 from agents.plots.flight_grid import draw_flights, picture_of
 from agents.plots.policy_comparison import COLOURS, draw_comparison
+from agents.runtime.chunk_store import read_json
 from agents.runtime.executors import Backend
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.terminal import Terminal
@@ -79,7 +80,7 @@ def run(
         _clear(work)
     terminal = terminal or Terminal()
     if evaluation_work.check(work):
-        work.remove()
+        work.store.remove()
         _show(directory, terminal)
         terminal.note(f"{directory} holds these results already; --fresh flies again")
         return
@@ -100,7 +101,7 @@ def run(
     names = sorted(path.name for path in work.staging.iterdir())
     for name in sorted(names, key="summary.json".__eq__):  # which vouches for the others
         (work.staging / name).replace(directory / name)
-    work.remove()
+    work.store.remove()
     _show(directory, terminal)
     terminal.note(f"wrote {', '.join(names)} to {directory}; see {directory / REPORT}")
 
@@ -177,8 +178,8 @@ def _told(request: Request, timing: Timing, flown: Sequence[Record]) -> dict[str
 
 def _clear(work: Work) -> None:
     """Remove unfinished work, and results."""
-    work.remove()
-    listed = evaluation_work.read(work.results / "summary.json").get("files", [])
+    work.store.remove()
+    listed = read_json(work.results / "summary.json").get("files", [])
     for name in {*FILES, *(name for name in listed if isinstance(name, str))}:
         if Path(name).name == name:
             (work.results / name).unlink(missing_ok=True)

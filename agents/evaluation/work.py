@@ -1,73 +1,54 @@
-"""The work directory of an evaluation: finished chunks, each a file that was written whole.
-
-Whoever flies which chunk, and however often the work is interrupted, the chunks are the same in
-the end but for their times.
-"""
+"""The work of an evaluation: chunks of flights, the same in the end but for their times."""
 
 from __future__ import annotations
 
-import json
-import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from joblib import delayed
 
 from agents.evaluation import records
 from agents.evaluation.chunks import Answer, Task, alone, fly_task, task_of
 from agents.evaluation.records import Pack, Record, Trace
 from agents.evaluation.request import Chunk, Request, name_of
+from agents.runtime.chunk_store import ChunkStore, read_json, refuse_other
 from agents.runtime.executors import Backend, Call, Run, WorkerDiedError, open_backend
-from agents.runtime.safe_npz import read_arrays
-from ferguson_gym.runtime.atomic_files import atomic_write
 
 WORK = ".unfinished"
 """Name of the work directory in a directory of results."""
 DEATHS = 3
 """Of workers that held a chunk, or a flight, before it is taken to be the cause."""
-_REQUEST = "request.json"
-_TOLD = 120
-"""Characters of a value in a message."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Work:
-    """A request's work directory in a directory of results."""
+    """A request's unfinished work in a directory of results."""
 
     results: Path
     request: Request
 
-    @property
-    def place(self) -> Path:
+    @cached_property
+    def store(self) -> ChunkStore:
         """The work directory."""
-        return self.results / WORK
+        return ChunkStore(
+            place=self.results / WORK,
+            request=self.request.configuration,
+            number=len(self.request.chunks),
+            digits=7,
+        )
 
     @property
     def staging(self) -> Path:
         """Where results are written before they are moved into their place."""
-        return self.place / "results"
-
-    def file(self, chunk: int) -> Path:
-        """Where a chunk is kept."""
-        return self.place / f"chunk-{self.request.digest}-{chunk:07d}.npz"
+        return self.store.place / "results"
 
     def begin(self) -> list[Chunk]:
-        """Make or take up the directory; returns the chunks that are missing."""
-        self.place.mkdir(parents=True, exist_ok=True)
-        if not (self.place / _REQUEST).exists():
-            with atomic_write(self.place / _REQUEST) as temporary:
-                temporary.write_text(json.dumps(self.request.configuration), encoding="utf-8")
-        return [chunk for chunk in self.request.chunks if not self.file(chunk.number).exists()]
-
-    def keep(self, chunk: int, flown: Pack) -> None:
-        """Keep a finished chunk."""
-        with atomic_write(self.file(chunk)) as temporary:
-            np.savez(temporary, allow_pickle=False, **flown)
+        """Make or resume the directory; returns the chunks that are missing."""
+        return [self.request.chunks[number] for number in self.store.begin()]
 
     def kept(self, chunk: Chunk) -> Pack:
         """What a chunk holds.
@@ -75,13 +56,12 @@ class Work:
         Raises:
             OSError: it cannot be read.
         """
-        path = self.file(chunk.number)
-        try:
-            packed = read_arrays(path)
+
+        def parse(packed: Pack) -> Pack:
             records.check(packed, len(chunk))
-        except ValueError as error:
-            raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
-        return packed
+            return packed
+
+        return self.store.read(chunk.number, parse)
 
     def records(self, policy: str | None = None) -> Iterator[Record]:
         """The records of all flights, or of a policy's, in order; when no chunk is missing."""
@@ -96,14 +76,6 @@ class Work:
         rows = records.records(packed, self.request.keys(chunk))
         return next(islice(rows, place, None)), next(islice(records.traces(packed), place, None))
 
-    def remove(self) -> None:
-        """Remove the directory: at once, then what was in it."""
-        gone = self.place.with_name(f"{WORK}-gone")
-        shutil.rmtree(gone, ignore_errors=True)
-        if self.place.exists():
-            self.place.rename(gone)  # half a directory would be taken for unfinished work
-            shutil.rmtree(gone)
-
 
 def check(work: Work) -> bool:
     """Refuse a directory that holds the work, or the results, of another configuration.
@@ -114,44 +86,13 @@ def check(work: Work) -> bool:
     Raises:
         ValueError: it does.
     """
-    wanted = work.request.configuration
-    # a run may have been stopped before it wrote what it is
-    if any(not path.name.startswith(".") for path in work.place.glob("*")):
-        found = read(work.place / _REQUEST)
-        _compare(found, wanted, f"an interrupted evaluation lies in {work.results}")
+    if work.store.holds_work():
         return False
     if not (work.results / "flights.csv").exists():
         return False
-    made = read(work.results / "summary.json").get("configuration")
-    _compare(made, wanted, f"{work.results} holds results")
+    made = read_json(work.results / "summary.json").get("configuration")
+    refuse_other(made, work.request.configuration, f"the evaluation at {work.results}")
     return True
-
-
-def read(path: Path) -> dict[str, Any]:
-    """A JSON object in a file; empty where there is none."""
-    try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return found if isinstance(found, dict) else {}
-
-
-def _compare(found: object, wanted: dict[str, Any], what: str) -> None:
-    way_out = "choose another --out, or start over with --fresh"
-    if not isinstance(found, dict) or not found:
-        raise ValueError(f"{what} that do not say how they were made; {way_out}")
-    changes = [
-        f"{key} was {_told(found.get(key))}, now {_told(value)}"
-        for key, value in wanted.items()
-        if found.get(key) != value
-    ]
-    if changes:
-        raise ValueError(f"{what} of another configuration ({'; '.join(changes)}); {way_out}")
-
-
-def _told(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= _TOLD else f"{text[:_TOLD]}..."
 
 
 def fly(
@@ -175,7 +116,7 @@ def fly(
             try:
                 for answer in run(_calls(rest, held)):
                     _see(work.request, answer)
-                    work.keep(answer.chunk, answer.flown)
+                    work.store.write(answer.chunk, answer.flown)
                     held.discard(answer.chunk)
                     yield len(left.pop(answer.chunk).flights)
             except WorkerDiedError:
@@ -195,7 +136,7 @@ def _suspects(work: Work, left: dict[int, Task], run: Run) -> Iterator[int]:
             fatal.append(error)
             continue
         _see(work.request, answers[0])
-        work.keep(number, records.join([answer.flown for answer in answers]))
+        work.store.write(number, records.join([answer.flown for answer in answers]))
         yield len(task.flights)
     if fatal:
         raise fatal[0]

@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from agents.runtime.chunk_store import refuse_other
 from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from agents.training.hyperparameters import Hyperparameters
@@ -160,7 +161,7 @@ ALGORITHMS: Mapping[str, Algorithm] = {
 
 
 def can_resume(run: Run) -> bool:
-    """Whether the directory holds this very run, and it is to be gone on with.
+    """Whether the directory holds this very run, unfinished or finished, and it is to be resumed.
 
     Raises:
         ValueError: it holds something else; or another run, which is not to be removed.
@@ -181,29 +182,8 @@ def can_resume(run: Run) -> bool:
     asked = run.configuration()
     if not isinstance(known, dict) or set(known) != set(asked):
         raise ValueError(f"{place} is of another version; --fresh starts over")
-    for key, value in _flat(asked).items():
-        if (before := _flat(known).get(key)) != value:
-            raise ValueError(
-                f"--out {run.directory} holds a training with {key} {before!r}, and this one has "
-                f"{value!r}: choose another directory, or start over with --fresh"
-            )
-    if gone := sorted(set(_flat(known)) - set(_flat(asked))):
-        raise ValueError(
-            f"--out {run.directory} holds a training with {', '.join(gone)}: choose another "
-            "directory, or start over with --fresh"
-        )
+    refuse_other(known, asked, f"the training at {run.directory}")
     return True
-
-
-def _flat(entries: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Entries of nested mappings, each by its whole path."""
-    flat: dict[str, Any] = {}
-    for key, value in entries.items():
-        if isinstance(value, dict) and value:
-            flat |= _flat(value, f"{before}{key}.")
-        else:
-            flat[f"{before}{key}"] = value
-    return flat
 
 
 def finished(run: Run) -> bool:

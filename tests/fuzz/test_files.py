@@ -83,7 +83,7 @@ def test_results_are_read_or_refused(results: Path, name: str) -> None:
 
 @fuzzed("files: chunks of an evaluation", few=3, many=3000, data=st.data())
 def test_chunks_are_read_or_refused(work: evaluation_work.Work, data: Any) -> None:
-    with Damage(work.file(0), data):
+    with Damage(work.store.file(0), data):
         found = attempt(lambda: list(work.records()), errors=(OSError,))
         for record in found or ():
             assert record.outcome is not None
@@ -96,7 +96,7 @@ def test_chunks_are_read_or_refused(work: evaluation_work.Work, data: Any) -> No
 )
 def test_work_is_taken_up_or_refused(work: evaluation_work.Work, results: Path, data: Any) -> None:
     done = evaluation_work.Work(results, work.request)
-    for one, file in ((work, work.place / "request.json"), (done, results / "summary.json")):
+    for one, file in ((work, work.store.place / "request.json"), (done, results / "summary.json")):
         with Damage(file, data):
             attempt(evaluation_work.check, one)
 
@@ -167,7 +167,8 @@ def flown(place: Path) -> tuple[Path, demonstrations_work.Request]:
         expert="pursuit", specs=("sparse/train:0-1",), arguments={"observation": "rays", "rays": 4}
     )
     directory = place / "demos"
-    list(demonstrations_work.fly(directory, asked, demonstrations_work.begin(directory, asked), 1))
+    store = demonstrations_work.open_store(directory, asked)
+    list(demonstrations_work.fly(store, asked, store.begin(), 1))
     return directory, asked
 
 
@@ -176,13 +177,12 @@ def test_work_on_demonstrations_is_taken_up_or_refused(
     flown: tuple[Path, demonstrations_work.Request], data: Any
 ) -> None:
     directory, asked = flown
+    store = demonstrations_work.open_store(directory, asked)
     with Damage(directory / "request.json", data):
-        attempt(demonstrations_work.check, directory, asked)
+        attempt(store.holds_work)
     (chunk,) = directory.glob("chunk-*.npz")
     with Damage(chunk, data):
-        found = attempt(
-            lambda: list(demonstrations_work.flown(directory, asked)), errors=(OSError,)
-        )
+        found = attempt(lambda: list(demonstrations_work.flown(store)), errors=(OSError,))
         for episode in found or ():
             assert len(episode.actions) == len(episode.rewards)
 

@@ -210,7 +210,7 @@ def test_results_and_chunks_are_not_unpickled(trace: Path, tmp_path: Path) -> No
     request = Request(policies=["single-start"], fields=["sparse/train:0"], seeds=[0])
     work = evaluation_work.Work(tmp_path / "unfinished", request)
     list(evaluation_work.fly(work, work.begin(), Backend()))
-    for armed in arm(work.file(0), trace):
+    for armed in arm(work.store.file(0), trace):
         armed()
         with pytest.raises(OSError, match="is damaged"):
             list(work.records())

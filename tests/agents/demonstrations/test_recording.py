@@ -35,11 +35,12 @@ def wanted(
 
 
 def fly_all(place: Path, request: Request, workers: int = 1) -> list[Episode]:
-    missing = work.begin(place, request)
-    assert sum(work.fly(place, request, missing, workers)) == sum(
+    store = work.open_store(place, request)
+    missing = store.begin()
+    assert sum(work.fly(store, request, missing, workers)) == sum(
         len(request.chunk(number)) for number in missing
     )
-    return list(work.flown(place, request))
+    return list(work.flown(store))
 
 
 def assert_same(one: Episode, other: Episode) -> None:
@@ -114,8 +115,8 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
         "import sys; from pathlib import Path; from agents.demonstrations import work\n"
         "request = work.Request(expert='guided', specs=('sparse/train:0-49',), "
         "arguments={'observation': 'discs'}, software={'versions': {}, 'commit': None})\n"
-        "place = Path(sys.argv[1])\n"
-        "list(work.fly(place, request, work.begin(place, request), 1))"
+        "store = work.open_store(Path(sys.argv[1]), request)\n"
+        "list(work.fly(store, request, store.begin(), 1))"
     )
     run = subprocess.Popen([sys.executable, "-c", program, str(place)])
     try:
@@ -125,7 +126,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
         run.wait()
     assert run.returncode == -signal.SIGKILL
     kept = {path: path.stat().st_mtime_ns for path in place.glob("chunk-*")}
-    missing = work.begin(place, request)
+    missing = work.open_store(place, request).begin()
     assert 0 < len(missing) == 5 - len(kept)
     resumed = fly_all(place, request)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept  # not flown again
@@ -136,7 +137,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
 def test_failed_flights_are_counted_by_what_became_of_them(tmp_path: Path) -> None:
     request = wanted("standard/train:0-5", expert="single-start")
     episodes = fly_all(tmp_path, request)
-    tally = making.count(tmp_path, request)
+    tally = making.count(work.open_store(tmp_path, request))
     good = [episode for episode in episodes if episode.outcome.success]
     assert 0 < len(good) < 6
     assert tally.flights == len(good)
@@ -163,7 +164,7 @@ def test_random_actions_score_below_the_expert_and_alike_each_time(tmp_path: Pat
     fly_all(tmp_path, request)
     score = making.random_return(request.environment, request.fields)
     assert score == making.random_return(request.environment, request.fields)
-    assert score < 0.0 < 0.7 < making.count(tmp_path, request).mean_return
+    assert score < 0.0 < 0.7 < making.count(work.open_store(tmp_path, request)).mean_return
 
 
 @pytest.mark.parametrize(
@@ -171,28 +172,31 @@ def test_random_actions_score_below_the_expert_and_alike_each_time(tmp_path: Pat
     [
         (wanted(expert="multi-start"), 'expert was "guided", now "multi-start"'),
         (wanted("sparse/train:0-4"), r"fields was \[.*0-3.*\], now \[.*0-4.*\]"),
-        (wanted(observation="rays"), "environment was .*discs.*, now .*rays"),
+        (
+            wanted(observation="rays"),
+            r"observation was .*discs.*, now .*rays",
+        ),
         (replace(wanted(), software={"versions": {}, "commit": "abc"}), 'now "abc"'),
     ],
 )
 def test_the_work_of_another_request_is_refused(
     tmp_path: Path, other: Request, message: str
 ) -> None:
-    work.begin(tmp_path, wanted())
+    work.open_store(tmp_path, wanted()).begin()
     with pytest.raises(ValueError, match=f"{message}.*start over with --fresh"):
-        work.begin(tmp_path, other)
-    assert work.begin(tmp_path, wanted()) == [0]
+        work.open_store(tmp_path, other).begin()
+    assert work.open_store(tmp_path, wanted()).begin() == [0]
 
 
 def test_a_run_stopped_before_its_first_file_is_taken_up(tmp_path: Path) -> None:
     (tmp_path / ".writing-request").touch()
-    assert work.begin(tmp_path, wanted()) == [0]
+    assert work.open_store(tmp_path, wanted()).begin() == [0]
 
 
 def test_what_is_no_work_at_all_is_refused(tmp_path: Path) -> None:
     (tmp_path / "request.json").write_text("[")
-    with pytest.raises(ValueError, match="holds no work on demonstrations; start over"):
-        work.begin(tmp_path, wanted())
+    with pytest.raises(ValueError, match=r"does not say how it was made; .*start over"):
+        work.open_store(tmp_path, wanted()).begin()
 
 
 def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
@@ -201,7 +205,7 @@ def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
     (chunk,) = tmp_path.glob("chunk-*")
     chunk.write_bytes(chunk.read_bytes()[:3000])
     with pytest.raises(OSError, match=rf"{chunk.name} is damaged .*: remove it, and run again"):
-        list(work.flown(tmp_path, request))
+        list(work.flown(work.open_store(tmp_path, request)))
     chunk.unlink()
     assert len(fly_all(tmp_path, request)) == 4
 

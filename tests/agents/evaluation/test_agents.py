@@ -70,9 +70,9 @@ def test_another_model_at_the_same_path_is_another_configuration(tmp_path: Path)
     fields = ["--fields", "sparse/train:0", "--out", str(tmp_path / "out")]
     assert main(["evaluate", "--policy", str(place), *fields]) == 0
     for policy in (str(place), f"{place}+shield", f"single-start+from={place}"):
-        before = Request(policies=[policy], fields=["paper:1"], seeds=[0]).digest
+        before = Request(policies=[policy], fields=["paper:1"], seeds=[0]).configuration
         saved(place, seed=int.from_bytes(policy.encode()[-1:], "big"))
-        assert Request(policies=[policy], fields=["paper:1"], seeds=[0]).digest != before
+        assert Request(policies=[policy], fields=["paper:1"], seeds=[0]).configuration != before
     request = Request(policies=[str(place)], fields=["sparse/train:0"], seeds=range(1))
     with pytest.raises(ValueError, match=r"another configuration .policies was"):
         work.check(Work(tmp_path / "out", request))

@@ -14,7 +14,8 @@ import pytest
 
 from agents.evaluation import run as evaluation
 from agents.evaluation.request import Request
-from agents.evaluation.work import WORK, Work
+from agents.evaluation.work import WORK
+from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend
 from tests.support.waiting import until
 
@@ -102,15 +103,15 @@ def test_workers_end_with_the_run_that_is_killed(
 def test_a_worker_that_is_killed_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keep, killed = Work.keep, []
+    keep, killed = ChunkStore.write, []
 
-    def kill_one(work: Work, chunk: int, flown: Any) -> None:
-        keep(work, chunk, flown)
+    def kill_one(store: ChunkStore, chunk: int, flown: Any) -> None:
+        keep(store, chunk, flown)
         if not killed:
             killed.append(children(os.getpid())[0])
             os.kill(killed[0], signal.SIGKILL)
 
-    monkeypatch.setattr(Work, "keep", kill_one)
+    monkeypatch.setattr(ChunkStore, "write", kill_one)
     names = [f"sparse/train:{k}" for k in range(60)]
     request = Request(policies=["guided"], fields=names, seeds=range(1), chunk=5)
     evaluation.run(request, tmp_path / "killed", Backend(workers=2))

@@ -23,6 +23,8 @@ from agents.evaluation.request import Request, field_of, name_of, spans
 from agents.evaluation.timing import Timing
 from agents.evaluation.work import WORK, Work
 from agents.policies.shield_decisions import ShieldDecision
+from agents.runtime import chunk_store
+from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend, Call, WorkerDiedError
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.outcome import Outcome
@@ -129,14 +131,14 @@ def test_stopped_after_any_chunk_it_goes_on_to_the_same_files(
     whole: dict[str, bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     directory = tmp_path / "results"
-    keep, flown = Work.keep, []
+    keep, flown = ChunkStore.write, []
 
-    def stop(work: Work, chunk: int, pack: Any) -> None:
-        keep(work, chunk, pack)
+    def stop(store: ChunkStore, chunk: int, pack: Any) -> None:
+        keep(store, chunk, pack)
         flown.append(chunk)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Work, "keep", stop)
+    monkeypatch.setattr(ChunkStore, "write", stop)
     for _ in REQUEST.chunks:
         with pytest.raises(KeyboardInterrupt):
             evaluation.run(REQUEST, directory, ALONE)
@@ -208,7 +210,7 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
 ) -> None:
     finished, stopped = tmp_path / "whole", tmp_path / "stopped"
     with monkeypatch.context() as patch:
-        patch.setattr(Work, "keep", lambda *_: 1 / 0)
+        patch.setattr(ChunkStore, "write", lambda *_: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             evaluation.run(REQUEST, stopped, ALONE)
     software = {**REQUEST.software, "commit": "another"}
@@ -221,7 +223,7 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
     ]
     for directory in (finished, stopped):
         for key, other in others:
-            with pytest.raises(ValueError, match=rf"of another configuration \({key} was .*fresh"):
+            with pytest.raises(ValueError, match=rf"configuration \({key}\b.* was .*fresh"):
                 evaluation_work.check(Work(directory, other))
     assert evaluation_work.check(Work(finished, REQUEST))
     assert not evaluation_work.check(Work(stopped, REQUEST))
@@ -238,7 +240,7 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
         "timings.csv",
     }
     (finished / "summary.json").unlink()
-    with pytest.raises(ValueError, match="holds results that do not say how they were made"):
+    with pytest.raises(ValueError, match="does not say how it was made"):
         evaluation_work.check(Work(finished, REQUEST))
 
 
@@ -263,7 +265,7 @@ def test_killed_while_it_clears_up_the_results_are_there(
 ) -> None:
     directory = tmp_path / "results"
     with monkeypatch.context() as patch:
-        patch.setattr(evaluation_work.shutil, "rmtree", lambda place, **_: place.exists() and 1 / 0)
+        patch.setattr(chunk_store.shutil, "rmtree", lambda place, **_: place.exists() and 1 / 0)
         with pytest.raises(ZeroDivisionError):
             evaluation.run(REQUEST, directory, ALONE)
     assert evaluation_work.check(Work(directory, REQUEST))
@@ -275,7 +277,7 @@ def test_killed_while_it_clears_up_the_results_are_there(
 def test_a_damaged_chunk_is_told(tmp_path: Path) -> None:
     work = Work(tmp_path, REQUEST)
     work.begin()
-    work.file(3).write_bytes(b"PK")
+    work.store.file(3).write_bytes(b"PK")
     with pytest.raises(OSError, match=r"chunk-[0-9a-f]{12}-0000003\.npz is damaged .*: remove it"):
         evaluation.run(REQUEST, tmp_path, ALONE)
 
@@ -310,9 +312,9 @@ def test_a_field_in_a_file_is_another_when_it_changes() -> None:
     fields = list(get_fields("sparse/train:0-1"))
     named = [replace(field, name="town") for field in fields]
     requests = [Request(policies=["guided"], fields=[field], seeds=[0]) for field in named]
-    assert requests[0].digest != requests[1].digest
+    assert requests[0].configuration != requests[1].configuration
     again = Request(policies=["guided"], fields=[replace(named[0])], seeds=[0])
-    assert again.digest == requests[0].digest
+    assert again.configuration == requests[0].configuration
     assert field_of("sparse/train:1").obstacles.centers.tolist() == (  # type: ignore[attr-defined]
         get_field("sparse/train:1").obstacles.centers.tolist()  # type: ignore[attr-defined]
     )

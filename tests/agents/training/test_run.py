@@ -253,16 +253,16 @@ def test_another_training_in_the_same_place_is_refused(
     assert main(command("ppo")) == 0
     before = weights_of(tmp_path / "out")
     for algorithm, more, changes, match in (
-        ("ppo", ["--seed", "1"], {}, "holds a training with seed 0, and this one has 1"),
-        ("sac", [], {}, "holds a training with algorithm 'ppo', and this one has 'sac'"),
-        ("ppo", [], {"n_steps": 16}, "hyperparameters.learner.n_steps 8, and this one has 16"),
-        ("ppo", [], {"gamma": 0.9}, "hyperparameters.learner.gamma None, and this one has 0.9"),
-        ("ppo", ["--steps", "99"], {}, "steps 96, and this one has 99"),
+        ("ppo", ["--seed", "1"], {}, "seed was 0, now 1"),
+        ("sac", [], {}, 'algorithm was "ppo", now "sac"'),
+        ("ppo", [], {"n_steps": 16}, "hyperparameters.learner.n_steps was 8, now 16"),
+        ("ppo", [], {"gamma": 0.9}, "hyperparameters.learner.gamma was null, now 0.9"),
+        ("ppo", ["--steps", "99"], {}, "steps was 96, now 99"),
     ):
         assert main(command(algorithm, *more, **changes)) == 2
         error = capsys.readouterr().err
         assert match in error
-        assert "choose another directory, or start over with --fresh" in error
+        assert "choose another --out, or start over with --fresh" in error
     assert same(before, weights_of(tmp_path / "out"))
 
 

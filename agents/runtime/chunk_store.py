@@ -1,0 +1,156 @@
+"""A resumable directory of finished chunks: work that survives an interruption.
+
+The work of a request is cut into chunks, whose results are arrays. Each is a file that is written
+atomically, so whoever does which chunk, and however often the work is interrupted, the chunks are
+the same in the end.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+
+from agents.runtime.safe_npz import read_arrays
+from ferguson_gym.runtime.atomic_files import atomic_write
+
+START_OVER = "choose another --out, or start over with --fresh"
+_MOST_CHARACTERS = 120
+"""Of a value in a message."""
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ChunkStore:
+    """The finished chunks of one request."""
+
+    place: Path
+    """The directory."""
+    request: Mapping[str, Any]
+    """What makes it this request and no other: JSON values."""
+    number: int
+    """Of chunks."""
+    digits: int = 6
+    """Of a chunk's number in its file's name."""
+
+    @cached_property
+    def digest(self) -> str:
+        """Short, and different for any other request."""
+        return hashlib.sha256(json.dumps(self.request, sort_keys=True).encode()).hexdigest()[:12]
+
+    @property
+    def _file_of_request(self) -> Path:
+        return self.place / "request.json"
+
+    def file(self, chunk: int) -> Path:
+        """Where a chunk is kept."""
+        # the digest: a worker that outlives a killed run must not write into another's chunks
+        return self.place / f"chunk-{self.digest}-{chunk:0{self.digits}d}.npz"
+
+    def holds_work(self) -> bool:
+        """Whether there is unfinished work, which must be this request's.
+
+        Raises:
+            ValueError: it is another request's, or does not say whose.
+        """
+        # a run may have been stopped while it wrote its first file
+        if all(path.name.startswith(".") for path in self.place.glob("*")):
+            return False
+        found = read_json(self._file_of_request)
+        refuse_other(found, self.request, f"unfinished work at {self.place}")
+        return True
+
+    def begin(self) -> list[int]:
+        """Make the directory, or resume its work.
+
+        Returns:
+            The chunks that are missing.
+
+        Raises:
+            ValueError: as `holds_work`.
+        """
+        if not self.holds_work():
+            self.place.mkdir(parents=True, exist_ok=True)
+            with atomic_write(self._file_of_request) as temporary:
+                temporary.write_text(json.dumps(self.request), encoding="utf-8")
+        return [chunk for chunk in range(self.number) if not self.file(chunk).exists()]
+
+    def write(self, chunk: int, arrays: Mapping[str, Any]) -> None:
+        """Keep a finished chunk."""
+        with atomic_write(self.file(chunk)) as temporary:
+            np.savez(temporary, allow_pickle=False, **arrays)
+
+    def read(self, chunk: int, parse: Callable[[dict[str, Any]], T]) -> T:
+        """What `parse` makes of a chunk's arrays; it raises ValueError if they are damaged.
+
+        Raises:
+            OSError: the chunk cannot be read.
+        """
+        path = self.file(chunk)
+        try:
+            return parse(read_arrays(path))
+        except ValueError as error:
+            raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
+
+    def remove(self) -> None:
+        """Remove the directory: at once, then what was in it."""
+        gone = self.place.with_name(f"{self.place.name}-gone")
+        shutil.rmtree(gone, ignore_errors=True)
+        if self.place.exists():
+            self.place.rename(gone)  # half a directory would be taken for unfinished work
+            shutil.rmtree(gone)
+
+
+def read_json(path: Path) -> dict[str, Any]:
+    """The JSON object in a file; empty if there is none."""
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def refuse_other(found: object, wanted: Mapping[str, Any], what: str) -> None:
+    """Refuse what was made by another request.
+
+    Args:
+        found: the request that made it.
+        wanted: the one that is to be.
+        what: was made, for the message.
+
+    Raises:
+        ValueError: the two differ, or `found` is not a request.
+    """
+    if not isinstance(found, dict) or not found:
+        raise ValueError(f"{what} does not say how it was made; {START_OVER}")
+    before, now = _flat(found), _flat(wanted)
+    changes = [
+        f"{key} was {_shorten(before.get(key))}, now {_shorten(now.get(key))}"
+        for key in now | before
+        if before.get(key) != now.get(key)
+    ]
+    if changes:
+        raise ValueError(f"{what} is of another configuration ({'; '.join(changes)}); {START_OVER}")
+
+
+def _flat(entries: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Entries of nested mappings, each by its whole path."""
+    flat: dict[str, Any] = {}
+    for key, value in entries.items():
+        if isinstance(value, Mapping) and value:
+            flat |= _flat(value, f"{prefix}{key}.")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def _shorten(value: object) -> str:
+    text = json.dumps(value)
+    return text if len(text) <= _MOST_CHARACTERS else f"{text[:_MOST_CHARACTERS]}..."
