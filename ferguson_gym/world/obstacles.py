@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym.curves import clearance as certified
+from ferguson_gym.curves.clearance import clearance, closest
 from ferguson_gym.runtime.arrays import Array, GenericArray, finite, frozen, real
 from ferguson_gym.runtime.jit import compiled
 
@@ -136,8 +136,8 @@ class Discs:
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
-        return certified.clearance(control, self.centers, self.radii)
+        return clearance(control, self.centers, self.radii)
 
     def closest(self, control: ArrayLike) -> tuple[Array, Array]:
         """Certified clearance from each disc and its parameter: 2 x (*batch, n)."""
-        return certified.closest(control, self.centers, self.radii)
+        return closest(control, self.centers, self.radii)

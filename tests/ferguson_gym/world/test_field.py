@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym.curves import clearance
+from ferguson_gym.curves.clearance import closest
 from ferguson_gym.world.field import Field, from_json, to_json
 from ferguson_gym.world.obstacles import Discs
 
@@ -181,7 +181,7 @@ def test_no_discs_are_an_obstacle_to_nobody():
 
 def test_discs_answer_with_the_certified_clearance():
     control = np.random.default_rng(0).uniform(0.0, 100.0, (3, 4, 2))
-    expected, where = clearance.closest(control, DISCS.centers, DISCS.radii)
+    expected, where = closest(control, DISCS.centers, DISCS.radii)
     found, t = DISCS.closest(control)
     np.testing.assert_array_equal(found, expected)
     np.testing.assert_array_equal(t, where)
