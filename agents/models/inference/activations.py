@@ -7,12 +7,9 @@ the processor. Here everything is made of single operations of IEEE arithmetic.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, cast
+from typing import TypeAlias
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.jit import compiled
@@ -26,6 +23,8 @@ _HIGH = np.float32(0.693359375)
 """Log 2 with few digits, so that its small multiples are exact."""
 _LOW = np.float32(np.log(2.0) - 0.693359375)
 _ZERO, _HALF, _ONE, _TWO = (np.float32(value) for value in (0.0, 0.5, 1.0, 2.0))
+_BIAS, _MANTISSA = 127, 23
+"""How single numbers are stored: what is added to an exponent, and how many bits are behind it."""
 _ROOT = np.float32(np.sqrt(0.5))
 _T2, _T3, _T4, _T5, _T6, _T7 = (np.float32(1.0 / n) for n in (2, 6, 24, 120, 720, 5040))
 _ERF = np.float32(0.3275911)
@@ -33,21 +32,6 @@ _E1, _E2, _E3, _E4, _E5 = (
     np.float32(value)
     for value in (0.254829592, -0.284496736, 1.421413741, -1.453152027, 1.061405429)
 )
-
-
-@intrinsic
-def _power(_: Any, exponent: Any) -> Any:
-    """Two to a whole number from -126 to 127."""
-
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        whole = builder.fptosi(arguments[0], ir.IntType(32))
-        biased = builder.add(whole, ir.IntType(32)(127))
-        return builder.bitcast(builder.shl(biased, ir.IntType(32)(23)), ir.FloatType())
-
-    return types.float32(types.float32), generate
-
-
-_power_of_two = cast("Callable[[np.float32], np.float32]", _power)
 
 
 @compiled
@@ -60,7 +44,8 @@ def exponential(x: np.float32) -> np.float32:
     # |r| is at most half of log 2: Taylor's next term is below 2^-27
     series = _T4 + r * (_T5 + r * (_T6 + r * _T7))
     series = _ONE + r * (_ONE + r * (_T2 + r * (_T3 + r * series)))
-    return np.float32(series * _power_of_two(n)) if x == x else x  # what is no number stays none
+    power = np.int32((np.int32(n) + _BIAS) << _MANTISSA).view(np.float32)  # two to the n
+    return np.float32(series * power) if x == x else x  # NaN stays NaN
 
 
 @compiled

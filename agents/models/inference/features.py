@@ -108,13 +108,13 @@ def sets(
         mask: (n, K).
         obstacles: (n, 4 K).
         rays: (n, R); R is 0 without rays.
-        of_disc: panels of the first layer, what it makes of an obstacle.
-        of_vehicle: panels of the same layer, what it makes of goal and vehicle.
-        bias: of both.
-        then: panels of the second layer, of as many columns as it has rows.
-        then_bias: of it.
+        of_disc: weights (DISC, width) of the first layer for an obstacle.
+        of_vehicle: weights (OWN, width) of the first layer for goal and vehicle.
+        bias: (width,) of the first layer.
+        then: weights (width, width) of the second layer.
+        then_bias: (width,) of the second layer.
     """
-    number, width, wide = len(goal), then.shape[1], len(bias)
+    number, width = len(goal), len(bias)
     own = np.empty((number, OWN), np.float32)
     for i in range(number):
         _own(own, i, 0, goal, vehicle)
@@ -128,9 +128,9 @@ def sets(
                 _disc(discs, count, obstacles, i, 4 * k)
                 whose[count] = i
                 count += 1
-    first = np.empty((count, wide), np.float32)
+    first = np.empty((count, width), np.float32)
     for m in range(count):
-        for j in range(wide):
+        for j in range(width):
             first[m, j] = shared[whose[m], j]
     add_product(discs, of_disc, first)
     relu(first)

@@ -11,13 +11,13 @@ import numpy as np
 from agents.models.architecture import ACTION, Architecture
 from agents.models.inference import features, heads
 from agents.models.inference.activations import ACTIVATIONS, Single
-from agents.models.inference.matmul import affine, pack, pad
+from agents.models.inference.matmul import affine
 from agents.models.weights import Weights
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
 
 _Layer: TypeAlias = tuple[Single, Single]
-"""Panels and bias."""
+"""Weights (in, out) and bias (out,)."""
 
 
 class Forward:
@@ -60,7 +60,12 @@ class Forward:
 
 
 def _layer(weights: Weights, name: str) -> _Layer:
-    return pack(weights[f"{name}.weight"]), pad(weights[f"{name}.bias"])
+    return _turned(weights[f"{name}.weight"]), weights[f"{name}.bias"].copy()
+
+
+def _turned(matrix: Single) -> Single:
+    """A matrix (out, in), as torch has it, as (in, out)."""
+    return np.array(matrix.T, order="C")
 
 
 def _features(architecture: Architecture, weights: Weights) -> Callable[[Observation], Single]:
@@ -68,7 +73,7 @@ def _features(architecture: Architecture, weights: Weights) -> Callable[[Observa
     if architecture.width is None:
         return lambda seen: features.plain(*_entries(seen))
     of_disc, bias = _layer(weights, "features_extractor.obstacle")
-    of_vehicle = pack(weights["features_extractor.vehicle.weight"])
+    of_vehicle = _turned(weights["features_extractor.vehicle.weight"])
     layers = (of_disc, of_vehicle, bias, *_layer(weights, "features_extractor.then"))
     return lambda seen: features.sets(*_entries(seen), *layers)
 
