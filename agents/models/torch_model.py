@@ -174,7 +174,7 @@ def _unpickled(path: Path) -> dict[str, Tensor]:
             f"{path}: no weights in it: cut short, or no model that was saved here"
         ) from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError):
-        raise ValueError(f"{path}: not a zip file, or cut short") from None
+        raise ValueError(f"{path}: not a zip file, or damaged") from None
     try:
         read = torch.load(file, map_location="cpu", weights_only=True)
     except Exception as error:  # torch promises no kinds; whatever it is, these are no weights

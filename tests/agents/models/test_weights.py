@@ -2,7 +2,6 @@
 
 import io
 import re
-import tracemalloc
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -28,13 +27,13 @@ def packed(tmp_path: Path) -> Path:
     return path
 
 
-def replace(path: Path, name: str, content: bytes, kind: int = zipfile.ZIP_DEFLATED) -> None:
+def replace(path: Path, name: str, content: bytes) -> None:
     """Put something else in the place of an entry."""
     with zipfile.ZipFile(path) as archive:
         kept = {entry: archive.read(entry) for entry in archive.namelist()}
     with zipfile.ZipFile(path, "w") as archive:
         for other, value in {**kept, name: content}.items():
-            archive.writestr(other, value, kind if other == name else zipfile.ZIP_STORED)
+            archive.writestr(other, value, zipfile.ZIP_DEFLATED)
 
 
 def saved(array: object, **options: bool) -> bytes:
@@ -68,7 +67,15 @@ def test_numpy_reads_them_too(packed: Path) -> None:
 
 
 GOOD = np.zeros(5, np.float32)
-HEADER = saved(GOOD)[:-20]
+
+
+def header(**entries: object) -> bytes:
+    """The header of an array of five numbers in single precision, with other entries."""
+    file = io.BytesIO()
+    npy.write_array_header_1_0(
+        file, {"descr": "<f4", "fortran_order": False, "shape": (5,), **entries}
+    )
+    return file.getvalue()
 
 
 @pytest.mark.parametrize(
@@ -77,16 +84,19 @@ HEADER = saved(GOOD)[:-20]
         (saved(np.zeros(6, np.float32)), r"first.bias has the shape \(6,\), not \(5,\)"),
         (saved(np.zeros((5, 1), np.float32)), r"has the shape \(5, 1\), not \(5,\)"),
         (saved(np.float32(1.0)), r"has the shape \(\), not \(5,\)"),
-        (saved(np.zeros(5)), "first.bias is no array of numbers in single precision"),
-        (saved(np.zeros(5, ">f4")), "no array of numbers in single precision"),
-        (saved(np.array([None] * 5), allow_pickle=True), "no array of numbers in single"),
-        (saved(GOOD)[:-1], "first.bias is shorter or longer than its shape says"),
-        (saved(GOOD) + b"\0", "shorter or longer than its shape says"),
-        (HEADER, "shorter or longer"),
-        (b"", "no array of numbers"),
-        (b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 70_000, "no array of numbers"),
-        (HEADER.replace(b"(5,)", b"(-5,)")[:-1] + b"\n", "no array of numbers"),
-        (saved(GOOD).replace(b"'descr'", b"'desc\x00'"), "no array of numbers"),
+        (saved(np.zeros(5)), "first.bias is not in single precision"),
+        (saved(np.zeros(5, ">f4")), "first.bias is not in single precision"),
+        (saved(np.array([None] * 5), allow_pickle=True), "damaged"),
+        (saved(GOOD)[:-1], "damaged"),
+        (header(), "damaged"),
+        (header(shape=(-5,)) + bytes(20), "damaged"),
+        (header(shape=(10**9,)) + bytes(20), "damaged"),
+        (header(shape=(10**15,)) + bytes(20), "damaged"),
+        (header(descr="|O") + bytes(20), "damaged"),
+        (header(descr="(" * 5000) + bytes(20), "damaged"),
+        (b"", "damaged"),
+        (b"\x93NUMPY\x01\x00\xff\xff" + b"(" * 70_000, "damaged"),
+        (saved(GOOD).replace(b"'descr'", b"'desc\x00'"), "damaged"),
         (saved(np.full(5, np.nan, np.float32)), "weights that are not finite"),
         (saved(np.full(5, -np.inf, np.float32)), "weights that are not finite"),
     ],
@@ -103,31 +113,18 @@ def test_a_missing_entry_is_named(packed: Path) -> None:
         weights.read(packed, {**SHAPES, "last.bias": (4,)})
 
 
-@pytest.mark.parametrize("kind", [zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2])
-def test_what_may_need_much_memory_to_unpack_is_refused(packed: Path, kind: int) -> None:
-    replace(packed, entry("first.bias"), saved(GOOD), kind)
-    refusal(packed, "first.bias is packed in an unusual way")
-
-
 def test_more_than_a_network_has_is_not_read(packed: Path) -> None:
     with pytest.raises(ValueError, match=rf"a network of {MOST + 1:,} weights; at most {MOST:,}"):
         weights.read(packed, {"wide": (MOST + 1,)})
 
 
-def test_claims_of_size_take_no_memory(packed: Path) -> None:
-    huge, header = 10_000_000, io.BytesIO()
-    told = {"descr": "<f4", "fortran_order": False, "shape": (huge,)}
-    npy.write_array_header_1_0(header, told)
-    # zeros pack to little; and where a shape is as expected, no more is read than it says
-    for start, match in ((header.getvalue(), "size mismatch"), (saved(GOOD), "shorter or longer")):
-        replace(packed, entry("first.bias"), start + bytes(4 * huge))
-        assert packed.stat().st_size < 1e5
-        tracemalloc.start()
-        try:
-            refusal(packed, match)
-            assert tracemalloc.get_traced_memory()[1] < 1e6
-        finally:
-            tracemalloc.stop()
+def test_an_entry_beyond_the_size_limit_is_not_unpacked(
+    packed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(weights, "MOST", 1000)
+    replace(packed, entry("first.bias"), saved(np.zeros(10**6, np.float32)))
+    assert packed.stat().st_size < 1e4
+    refusal(packed, r"first.bias takes 4,000,128 bytes")
 
 
 def quietly(read: Callable[[], object]) -> bool:
