@@ -105,7 +105,7 @@ def told(plan: Plan, field: Field, seconds: float) -> Flown:
     return Flown(
         success=plan.success,
         length=flown,
-        spl=path_share(plan.success, flown, exact),
+        spl=float(path_share(plan.success, flown, exact)),
         seconds=seconds,
         windows=len(plan.decisions),
         evaluations=plan.evaluations / len(plan.decisions),

@@ -12,6 +12,7 @@ from pathlib import Path
 from rich.table import Table
 
 from agents.flights.flight import Flight
+from agents.flights.metrics import finite
 from agents.plots.flight_grid import draw_flights
 from agents.runtime import terminal_tables
 from ferguson_gym.shortest_paths.exact import gap
@@ -66,9 +67,9 @@ class Report:
                 "length": flight.length if found else None,
                 "exact_length": flight.exact_length,
                 "gap": flight.gap,
-                "clearance": _finite(flight.clearance) if found else None,
+                "clearance": finite(flight.clearance) if found else None,
                 "segments": len(flight.control) if found else None,
-                "min_turn_radius": _finite(flight.min_turn_radius) if found else None,
+                "min_turn_radius": finite(flight.min_turn_radius) if found else None,
                 "step_seconds": self.plan.step_seconds,
                 "wall_seconds": self.wall_seconds,
                 "control": flight.control.tolist() if found else None,
@@ -121,10 +122,6 @@ def _told(route: Route, exact: float | None) -> str:
 def _percent(gap: float) -> str:
     """A gap as people read it; a path a rounding error short of the shortest is as short."""
     return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:

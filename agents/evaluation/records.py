@@ -75,7 +75,7 @@ class Record:
     @property
     def path_share(self) -> float:
         """Its part in SPL, the mean of these over flights."""
-        return path_share(self.success, self.length, self.exact_length)
+        return float(path_share(self.success, self.length, self.exact_length))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

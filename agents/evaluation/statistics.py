@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest, norm, trim_mean
+from scipy.stats import binomtest, trim_mean
 
 from agents.evaluation.bootstrap import (
     RESAMPLES,
@@ -25,7 +25,15 @@ from agents.evaluation.bootstrap import (
     resampled_quartile_means,
 )
 from agents.evaluation.flight_table import FlightTable, read
-from agents.flights.metrics import CONFIDENCE, Interval, quantile, share_within
+from agents.flights.metrics import (
+    CONFIDENCE,
+    Interval,
+    finite,
+    path_share,
+    quantile,
+    share_within,
+    success_interval,
+)
 from ferguson_gym.runtime.arrays import Array
 
 TIE = 1e-5
@@ -104,20 +112,11 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
     }
 
 
-def path_shares(flights: FlightTable) -> Array:
-    """Parts of all flights in SPL, (n,); 0 for failures and without a shortest path."""
-    known = flights.success & np.isfinite(flights.exact)
-    shares: Array = np.zeros(len(flights))
-    exact = flights.exact[known]
-    shares[known] = exact / np.maximum(flights.length[known], exact)
-    return shares
-
-
 def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
     """Of each policy: success, SPL, gaps, times; `HOW` says how failures are treated."""
     if len(flights) == 0:
         return []
-    shares = flights.grid(path_shares(flights))
+    shares = flights.grid(path_share(flights.success, flights.length, flights.exact))
     spl = resampled_means(shares, seed)
     gaps = _gaps(flights)
     found = []
@@ -127,7 +126,7 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
         number = int(mine.sum())
         known = _known(gaps[k])
         fields = len(np.unique(flights.field[mine]))
-        success = share_interval(successes / number, fields)
+        success = success_interval(fields * successes / number, fields)
         spl_interval = percentiles(spl[:, k], fields)
         mean_interval = percentiles(resampled_quartile_means(gaps[k], seed), fields)
         found.append(
@@ -143,11 +142,11 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
                 "spl": float(np.nanmean(shares[k])),
                 **_bounds("spl", spl_interval),
                 "gap_flights": len(known),
-                "gap_median": _finite(quantile(known.tolist(), 0.5)),
-                "gap_iqm": _finite(interquartile_mean(known)),
+                "gap_median": finite(quantile(known.tolist(), 0.5)),
+                "gap_iqm": finite(interquartile_mean(known)),
                 **_bounds("gap_iqm", mean_interval),
-                "gap_90": _finite(quantile(known.tolist(), 0.9)),
-                "gap_99": _finite(quantile(known.tolist(), 0.99)),
+                "gap_90": finite(quantile(known.tolist(), 0.9)),
+                "gap_99": finite(quantile(known.tolist(), 0.99)),
                 **_times({name: _known(seconds[mine]) for name, seconds in flights.times.items()}),
             }
         )
@@ -169,7 +168,7 @@ def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
     pairs = list(itertools.combinations(range(len(flights.policies)), 2))
     if not pairs:
         return []
-    shares = flights.grid(path_shares(flights))
+    shares = flights.grid(path_share(flights.success, flights.length, flights.exact))
     lengths = flights.grid(np.where(flights.success, flights.length, math.inf))
     first, second = (np.array(side) for side in zip(*pairs, strict=True))
     better = improvement(lengths[first], lengths[second])
@@ -199,20 +198,6 @@ def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
             }
         )
     return found
-
-
-def share_interval(share: float, number: int) -> Interval:
-    """Wilson's interval of a chance, of which `share` was seen in `number` trials.
-
-    As `agents.flights.metrics.success_interval`, but the share may lie between two counts: it may
-    be a mean over several seeds of each trial.
-    """
-    z = float(norm.ppf(0.5 + CONFIDENCE / 2.0))
-    middle = (share + z * z / (2.0 * number)) / (1.0 + z * z / number)
-    half = z / (1.0 + z * z / number)
-    half *= math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number**2))
-    # at the ends rounding would leave them by a last digit
-    return Interval(0.0 if share == 0.0 else middle - half, 1.0 if share == 1.0 else middle + half)
 
 
 def interquartile_mean(values: ArrayLike) -> float | None:
@@ -319,13 +304,9 @@ def _known(values: Array) -> Array:
     return values[~np.isnan(values)]
 
 
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
-
-
 def _bounds(name: str, interval: Interval | None) -> Mapping[str, float | None]:
     low, high = interval or (None, None)
-    return {f"{name}_low": _finite(low), f"{name}_high": _finite(high)}
+    return {f"{name}_low": finite(low), f"{name}_high": finite(high)}
 
 
 def _counts(outcomes: list[str]) -> dict[str, int]:

@@ -10,11 +10,10 @@ from rich.text import Text
 
 from agents.evaluation.statistics import caution
 from agents.evaluation.summary import timed
-from agents.runtime.terminal_tables import empty_table
+from agents.runtime.terminal_tables import NONE, decimal, empty_table
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.paper_fields import TABLE_I
 
-_NONE = "-"
 _TO = "\N{EN DASH}"
 _INFINITE = "inf"
 _OUTCOMES = {outcome.label: outcome.sentence for outcome in Outcome}
@@ -170,7 +169,7 @@ def shields(told: Sequence[Mapping[str, Any]]) -> Table | None:
             str(one["steps"]),
             f"{100.0 * one['handed_over'] / one['steps']:.2f}",
             f"{100.0 * one['untouched_flights'] / one['flights']:.1f}",
-            ", ".join(f"{cause} {number}" for cause, number in causes) or _NONE,
+            ", ".join(f"{cause} {number}" for cause, number in causes) or NONE,
         )
     return table if told else None
 
@@ -195,32 +194,28 @@ def paper(told: Sequence[Mapping[str, Any]]) -> Table | None:
     for one in told:
         policy, field = one["policy"], one["field"]
         cells = [
-            _told(one["segments"], 0),
-            _told(one["evaluations"], 0),
-            _told(one["length"], 2),
+            decimal(one["segments"], 0),
+            decimal(one["evaluations"], 0),
+            decimal(one["length"], 2),
         ]
         if (row := TABLE_I.get((policy, field))) is not None:
             theirs = [
-                _told(row.segments, 0, "N/A"),
-                _told(row.evaluations, 0, "N/A"),
-                _told(row.length, 2, "N/A"),
+                decimal(row.segments, 0, none="N/A"),
+                decimal(row.evaluations, 0, none="N/A"),
+                decimal(row.length, 2, none="N/A"),
             ]
             cells = [f"{ours} ({printed})" for ours, printed in zip(cells, theirs, strict=True)]
         table.add_row(
             Text(f"{policy} {field}"),
             f"{one['successes']}/{one['flights']}",
             *cells,
-            _told(one["exact_length"], 2),
+            decimal(one["exact_length"], 2),
         )
     return table if told else None
 
 
 def _number(number: int, what: str) -> str:
     return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
-
-
-def _told(value: float | None, digits: int, none: str = _NONE) -> str:
-    return none if value is None else f"{value:.{digits}f}"
 
 
 def _turned(pair: Mapping[str, Any], key: str, whole: float) -> dict[str, float | None]:
@@ -244,10 +239,8 @@ def _with_interval(
 
 def _gap(one: Mapping[str, Any], key: str) -> str:
     if one[key] is None:
-        return _INFINITE if one["gap_flights"] else _NONE
-    # a shortest path is not a little shorter than itself
-    percent = 100.0 * one[key]
-    return f"{round(percent, 2) + 0.0:.2f}" if percent < 9.995 else f"{percent:.1f}"
+        return _INFINITE if one["gap_flights"] else NONE
+    return decimal(one[key], 2 if one[key] < 0.09995 else 1, 100.0)
 
 
 def _share(share: float) -> str:
@@ -256,7 +249,7 @@ def _share(share: float) -> str:
 
 def _milliseconds(seconds: float | None) -> str:
     if seconds is None:
-        return _NONE
+        return NONE
     digits = 2 if seconds < 1e-3 else 1 if seconds < 0.1 else 0
     return f"{1e3 * seconds:,.{digits}f}"
 

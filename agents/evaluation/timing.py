@@ -14,6 +14,7 @@ import numpy as np
 
 from agents.evaluation.request import Request, field_of
 from agents.flights.flight import fly
+from agents.flights.metrics import quantile
 from agents.policies.registry import make_policy
 from agents.policies.warm_up import warm_policy
 from agents.runtime.interrupts import raise_if_interrupted
@@ -39,9 +40,9 @@ class Timing:
         return {
             "timed_flights": len(self.flights),
             "timed_decisions": len(self.decisions),
-            "decision_seconds_median": _quantile(self.decisions, 0.5),
-            "decision_seconds_99": _quantile(self.decisions, 0.99),
-            "flight_seconds_median": _quantile(self.flights, 0.5),
+            "decision_seconds_median": quantile(self.decisions, 0.5),
+            "decision_seconds_99": quantile(self.decisions, 0.99),
+            "flight_seconds_median": quantile(self.flights, 0.5),
         }
 
 
@@ -82,7 +83,3 @@ def _spread(number: int, most: int) -> list[int]:
         order += [k for k in range(0, len(even), max(step, 1)) if k not in order]
         step //= 2
     return [even[k] for k in order]
-
-
-def _quantile(values: Sequence[float], share: float) -> float | None:
-    return float(np.quantile(values, share)) if values else None

@@ -153,7 +153,6 @@ def score(flights: Sequence[BatchFlight]) -> Score:
     Raises:
         ValueError: there are none.
     """
-    shares = [path_share(one.success, one.length, one.exact_length) for one in flights]
     gaps = [one.gap for one in flights if one.gap is not None]
     arrived = sum(flight.success for flight in flights)
     low, high = success_interval(arrived, len(flights))
@@ -162,6 +161,6 @@ def score(flights: Sequence[BatchFlight]) -> Score:
         success=arrived / len(flights),
         success_low=low,
         success_high=high,
-        spl=float(np.mean(shares)),
+        spl=float(np.mean([path_share(f.success, f.length, f.exact_length) for f in flights])),
         gap=float(np.median(gaps)) if gaps else None,
     )

@@ -72,7 +72,7 @@ class Flight:
     @property
     def path_share(self) -> float:
         """Its part in SPL, the mean of these over flights."""
-        return path_share(self.success, self.length, self.exact_length)
+        return float(path_share(self.success, self.length, self.exact_length))
 
     @property
     def min_turn_radius(self) -> float:

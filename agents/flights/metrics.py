@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import binomtest
+from scipy.stats import norm
 
 from ferguson_gym.runtime.arrays import Array
 
@@ -22,11 +23,15 @@ class Interval(NamedTuple):
     high: float
 
 
-def success_interval(successes: int, number: int) -> Interval:
+def success_interval(successes: float, number: int) -> Interval:
     """Wilson's interval of the chance of success.
 
+    Args:
+        successes: Successful trials; a fraction where a trial is a mean over several seeds.
+        number: Trials.
+
     Raises:
-        ValueError: no attempts, or more successes than those.
+        ValueError: There are no trials, or more successes than trials.
 
     Reference:
         Wilson (1927), Probable inference, the law of succession, and statistical inference,
@@ -39,21 +44,33 @@ def success_interval(successes: int, number: int) -> Interval:
     """
     if not 0 <= successes <= number or number == 0:
         raise ValueError(f"need at least one attempt, got {successes} successes of {number}")
-    found = binomtest(successes, number).proportion_ci(CONFIDENCE, method="wilson")
-    return Interval(float(found.low), float(found.high))
+    # scipy.stats.binomtest has the same interval, but for whole numbers alone
+    share, z = successes / number, float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    middle = (share + z * z / (2.0 * number)) / (1.0 + z * z / number)
+    half = z / (1.0 + z * z / number)
+    half *= math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number**2))
+    # rounding would move the ends beyond 0 and 1 by the last digit
+    return Interval(0.0 if share == 0.0 else middle - half, 1.0 if share == 1.0 else middle + half)
 
 
-def path_share(success: bool, length: float, exact: float | None) -> float:
+def path_share(success: ArrayLike, length: ArrayLike, exact: ArrayLike | None) -> Array:
     """A flight's part in SPL: exact / max(length, exact) [m] if it arrived, else 0.
+
+    Args:
+        success: (n,) or a single value; likewise the next two.
+        length: Length flown [m].
+        exact: Length of the shortest path [m]; None or NaN where none is known, which counts 0.
 
     Reference:
         Anderson et al. (2018), On evaluation of embodied navigation agents, arXiv:1807.06757.
 
     Example:
-        >>> path_share(True, length=150.0, exact=144.0), path_share(False, 20.0, 144.0)
-        (0.96, 0.0)
+        >>> path_share([True, False], [150.0, 20.0], [144.0, None]).tolist()
+        [0.96, 0.0]
     """
-    return exact / max(length, exact) if success and exact is not None else 0.0
+    shortest = np.asarray(exact, float)
+    share = shortest / np.maximum(np.asarray(length, float), shortest)
+    return np.where(np.asarray(success, bool) & np.isfinite(share), share, 0.0)
 
 
 def best_so_far(progress: Sequence[tuple[float, float]], seconds: ArrayLike) -> Array:
@@ -87,3 +104,8 @@ def quantile(values: Sequence[float], share: float) -> float | None:
     One of the values, never between two: some may be infinite.
     """
     return float(np.quantile(values, share, method="inverted_cdf")) if len(values) else None
+
+
+def finite(value: float | None) -> float | None:
+    """A value as JSON has it: None where it is infinite or there is none."""
+    return value if value is not None and math.isfinite(value) else None

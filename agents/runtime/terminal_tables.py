@@ -12,7 +12,8 @@ from rich.text import Text
 
 from planners.interface import Decision
 
-_NONE = "-"
+NONE = "-"
+"""A cell without a value."""
 
 
 def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
@@ -38,6 +39,11 @@ def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
     return table
 
 
+def decimal(value: float | None, digits: int, scale: float = 1.0, none: str = NONE) -> str:
+    """A number times a scale with so many digits; a value that rounds to zero has no sign."""
+    return none if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
+
+
 def windows(decisions: Sequence[Decision]) -> Table:
     """How each window of a plan came about."""
     table = empty_table(
@@ -58,11 +64,11 @@ def windows(decisions: Sequence[Decision]) -> Table:
         table.add_row(
             str(report.step),
             f"{report.start}, final" if report.final else report.start or "none",
-            f"{report.feasible}/{report.starts}" if report.starts else _NONE,
-            f"{report.objective:.4f}" if known else _NONE,
+            f"{report.feasible}/{report.starts}" if report.starts else NONE,
+            f"{report.objective:.4f}" if known else NONE,
             str(report.evaluations),
-            str(report.rounds) if known else _NONE,
+            str(report.rounds) if known else NONE,
             f"{1000 * report.seconds:.1f}",
-            report.solver_status if known else _NONE,
+            report.solver_status if known else NONE,
         )
     return table

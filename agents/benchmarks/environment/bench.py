@@ -49,7 +49,6 @@ RATIOS = (
 
 Slices = Mapping[Row, Sequence[Slice]]
 """A slice for each round."""
-_NONE = "-"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,10 +192,12 @@ def speeds(report: Mapping[str, Any]) -> Table:
             f"{each['median']:,.0f}",
             f"{100 * (each['greatest'] - each['least']) / each['median']:.0f} %",
             f"{1e6 / each['median']:.2f}",
-            _NONE if flight is None else f"{flight:.1f}",
+            terminal_tables.decimal(flight, 1),
         )
     for row in report["not_installed"]:
-        rows.add_row(row["environment"], str(row["number"]), "not installed", *[_NONE] * 3)
+        rows.add_row(
+            row["environment"], str(row["number"]), "not installed", *[terminal_tables.NONE] * 3
+        )
     return rows
 
 

@@ -21,6 +21,7 @@ from agents.flights import metrics
 from agents.runtime import provenance, terminal_tables
 from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
+from agents.runtime.terminal_tables import decimal
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
 
@@ -45,7 +46,6 @@ COLUMNS = (
     "seconds",
 )
 """Columns of planners.csv; what a failure does not have is an empty cell."""
-_NONE = "-"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,7 +139,7 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     causes = Counter(_cause(run) for run in mine if not run.success)
     # seeds of one field are no independent draws, for many planners no draws at all
     fields = len({run.field.name for run in mine})
-    low, high = metrics.success_interval(len(successes) * fields // len(mine), fields)
+    low, high = metrics.success_interval(fields * len(successes) / len(mine), fields)
     firsts = [run.seconds_first for run in mine]
     return {
         "planner": mine[0].planner,
@@ -165,8 +165,7 @@ def _cause(run: Run) -> str:
 
 
 def _quantile(values: Sequence[float], share: float) -> float | None:
-    value = metrics.quantile(values, share)
-    return value if value is not None and math.isfinite(value) else None
+    return metrics.finite(metrics.quantile(values, share))
 
 
 def table(report: Mapping[str, Any]) -> Table:
@@ -197,20 +196,15 @@ def table(report: Mapping[str, Any]) -> Table:
             f"{one['successes']}/{one['runs']}",
             f"{low} to {high}",
             str(one["failures"].get(FALSE_SUCCESS, 0)),
-            *(_cell(one[key], 2, 100.0) for key in _GAPS),
-            _cell(one["min_turn_radius_median"], 2),
-            _cell(one["seconds_first_median"], 1, 1e3),
-            _cell(one["seconds_median"], 3),
+            *(decimal(one[key], 2, 100.0) for key in _GAPS),
+            decimal(one["min_turn_radius_median"], 2),
+            decimal(one["seconds_first_median"], 1, 1e3),
+            decimal(one["seconds_median"], 3),
         )
     return rows
 
 
 _GAPS = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
-
-
-def _cell(value: float | None, digits: int, scale: float = 1.0) -> str:
-    # a shortest path is not a little shorter than itself
-    return _NONE if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
 
 
 def _caption(report: Mapping[str, Any]) -> str:

@@ -22,12 +22,10 @@ from agents.evaluation.statistics import (
     improvement,
     interquartile_mean,
     mcnemar,
-    share_interval,
     success_wins,
     summarise,
     summary,
 )
-from agents.flights.metrics import success_interval
 from tests.support.written_results import EXACT, write_results
 
 
@@ -45,12 +43,6 @@ def random_results(directory: Path, seeds: int = 1, fields: int = 30) -> FlightT
         for policy, chance in (("sure", 0.0), ("fair", 0.1), ("poor", 0.6))
     }
     return read(write_results(directory, lengths))
-
-
-@pytest.mark.parametrize(("successes", "number"), [(0, 10), (7, 10), (10, 10), (981, 1000)])
-def test_whole_counts_have_wilsons_interval(successes: int, number: int) -> None:
-    found = share_interval(successes / number, number)
-    np.testing.assert_allclose(found, success_interval(successes, number), atol=1e-15)
 
 
 def test_mcnemars_test_adds_up_the_tails_of_a_fair_coin() -> None:

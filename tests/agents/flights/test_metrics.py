@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
-from agents.flights.metrics import best_so_far, quantile, share_within, success_interval
+from agents.flights.metrics import (
+    CONFIDENCE,
+    best_so_far,
+    finite,
+    path_share,
+    quantile,
+    share_within,
+    success_interval,
+)
 
 
 @pytest.mark.parametrize(("successes", "number"), [(0, 10), (7, 10), (10, 10), (981, 1000)])
@@ -17,6 +26,19 @@ def test_the_interval_solves_wilsons_equation(successes: int, number: int) -> No
     low, high = success_interval(successes, number)
     assert 0.0 <= low <= share <= high <= 1.0
     assert high - low > 0.0
+
+
+@pytest.mark.parametrize(("successes", "number"), [(0, 10), (7, 10), (10, 10), (981, 1000)])
+def test_whole_counts_have_the_interval_of_scipy(successes: int, number: int) -> None:
+    theirs = binomtest(successes, number).proportion_ci(CONFIDENCE, method="wilson")
+    found = success_interval(successes, number)
+    np.testing.assert_allclose(found, (theirs.low, theirs.high), atol=1e-15)
+
+
+def test_a_fraction_of_a_success_lies_between_whole_counts() -> None:
+    less, between, more = (success_interval(count, 10) for count in (7, 7.5, 8))
+    assert less.low < between.low < more.low
+    assert less.high < between.high < more.high
 
 
 @pytest.mark.parametrize(("successes", "number"), [(0, 0), (3, 2), (-1, 2)])
@@ -54,3 +76,16 @@ def test_a_quantile_is_the_least_value_that_the_share_does_not_exceed() -> None:
     assert quantile(values, 0.81) == np.inf
     assert quantile([1.0, np.inf], 0.5) == 1.0
     assert quantile([], 0.5) is None
+
+
+def test_a_flight_counts_in_spl_if_it_arrived_and_the_shortest_path_is_known() -> None:
+    assert float(path_share(True, 150.0, 144.0)) == 0.96
+    assert float(path_share(True, 143.0, 144.0)) == 1.0
+    assert float(path_share(False, 20.0, 144.0)) == 0.0
+    assert float(path_share(True, 150.0, None)) == 0.0
+    shares = path_share([True, True, False], [150.0, 150.0, 9.0], [144.0, np.nan, 144.0])
+    np.testing.assert_array_equal(shares, [0.96, 0.0, 0.0])
+
+
+def test_what_is_infinite_or_missing_is_none() -> None:
+    assert [finite(value) for value in (1.5, np.inf, np.nan, None)] == [1.5, None, None, None]
