@@ -19,11 +19,12 @@ test-slow: .venv/installed-dev  ## the tests that need minutes
 fuzz: .venv/installed-dev  ## a quarter of a million odd cases: seven minutes
 	$(BIN)/pytest tests/fuzz -n 2 --dist loadfile --hypothesis-profile large --timeout 14400
 
-check: .venv/installed-dev docs  ## style, types, the import contract, and whether the pages build
+check: .venv/installed-dev docs  ## style, types, the import contract, spelling, and whether the pages build
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/codespell
 
 docs: .venv/installed-docs  ## the pages, docs/_build/html/index.html; a warning is an error
 	$(BIN)/sphinx-build --quiet --jobs 2 --fail-on-warning --doctree-dir docs/_build/doctrees \
@@ -34,7 +35,7 @@ format: .venv/installed-dev
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv results build dist docs/_build .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv results build dist docs/_build docs/reference/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis
 
 .venv/installed-base: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --editable .
