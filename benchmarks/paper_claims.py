@@ -25,7 +25,7 @@ from pathlib import Path
 import numpy as np
 from joblib import Parallel, delayed
 from paper_claims_picture import draw
-from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Variant
+from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Row, Variant
 
 from agents.evaluation.bootstrap import percentiles, resampled_means
 from agents.evaluation.statistics import mcnemar
@@ -59,32 +59,6 @@ class Flown:
     """By how much a window's end is nearer to the goal than its beginning, mean [m]."""
     winding: float
     """Length of a window over the straight distance between its ends, mean."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
-    """A variant beside the reference of its group."""
-
-    group: str
-    variant: str
-    fields: int
-    success: float
-    success_interval: Interval
-    mcnemar: float
-    """Chance of a difference in success so great if there were none."""
-    spl: float
-    spl_interval: Interval | None
-    longer: float
-    """Mean of length / the reference's length - 1, where both arrive."""
-    longer_interval: Interval | None
-    slower: float
-    """Processor time a window over the reference's, geometric mean."""
-    slower_interval: Interval | None
-    costlier: float
-    """Processor time of a flight over the reference's, geometric mean where both arrive."""
-    evaluations: float
-    reach: float
-    winding: float
 
 
 def told(plan: Plan, field: Field, seconds: float) -> Flown:

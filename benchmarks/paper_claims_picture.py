@@ -4,19 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from paper_claims_variants import Row
 
 from agents.flights.metrics import Interval
 from ferguson_gym.rendering.drawing import style
 from ferguson_gym.runtime.atomic_files import atomic_write
-
-if TYPE_CHECKING:
-    from paper_claims import Row
 
 INK, TIME = "#0b5fa5", "#e07b00"
 RATIOS = (0.25, 0.5, 1.0, 2.0, 4.0)

@@ -9,6 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Variant
+
+from agents.flights.metrics import Interval
 from ferguson_gym.world import transition
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Planner
@@ -31,6 +34,32 @@ class Variant:
 
     planner: Planner
     share: float = 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """A variant beside the reference of its group."""
+
+    group: str
+    variant: str
+    fields: int
+    success: float
+    success_interval: Interval
+    mcnemar: float
+    """Chance of a difference in success so great if there were none."""
+    spl: float
+    spl_interval: Interval | None
+    longer: float
+    """Mean of length / the reference's length - 1, where both arrive."""
+    longer_interval: Interval | None
+    slower: float
+    """Processor time a window over the reference's, geometric mean."""
+    slower_interval: Interval | None
+    costlier: float
+    """Processor time of a flight over the reference's, geometric mean where both arrive."""
+    evaluations: float
+    reach: float
+    winding: float
 
 
 def _limits(longest: float) -> Limits:
