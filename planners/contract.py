@@ -1,0 +1,109 @@
+"""The contract of a planner as a check that users can run on their own.
+
+    from ferguson_gym import get_field
+    from planners.contract import check_planner
+
+    def test_my_planner():
+        check_planner(MyPlanner(), get_field("sparse/train:0"))
+
+A broken promise raises an AssertionError that names it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.transition import fly_segment
+from planners.interface import Plan, Planner, Replanner, State, initial_state
+
+
+def check_planner(
+    planner: Planner, field: Field, seed: int = 0, limits: Limits = PAPER_LIMITS
+) -> Plan:
+    """Check the promises of a planner in one field.
+
+    - A plan is a feasible chain from the given state, and a solved plan ends on the goal.
+    - The same seed gives the same plan: randomness comes from (seed, step) alone.
+    - Planning from a state on the way gives the rest of the plan.
+    - A state without a history, or of a vehicle at rest, can be planned from.
+    - A flight on the goal needs no segment.
+    - The first segment that a replanner decides is the first of its plan.
+    - Planning changes neither the field nor the state.
+
+    Args:
+        planner: to check.
+        field: to plan in. Choose one that the planner solves: most promises concern solved plans.
+        seed: of the planner.
+        limits: of the planner's segments.
+
+    Returns:
+        The plan from the start of the field.
+
+    Raises:
+        AssertionError: the planner broke a promise.
+    """
+    state = initial_state(field)
+    before = _numbers(field, state)
+    plan = planner.plan(field, state, seed)
+    _check_plan(plan, field, state, limits)
+    again = planner.plan(field, state, seed)
+    assert np.array_equal(again.control, plan.control), "the same seed gives the same plan"
+    if isinstance(planner, Replanner):
+        _check_decision(planner, field, state, seed, plan)
+    if plan.success:
+        middle = len(plan.control) // 2
+        rest = planner.plan(field, plan.states[middle], seed).control
+        same = np.array_equal(rest, plan.control[middle:])
+        assert same, "planning from a state on the way gives the rest of the plan"
+        on_goal = planner.plan(field, plan.states[-1], seed)
+        arrived = on_goal.success and len(on_goal.control) == 0
+        assert arrived, "a flight on the goal is solved without a segment"
+        vehicle = plan.states[middle].vehicle
+        for odd in (State(vehicle), State(replace(vehicle, derivative=0.0 * vehicle.derivative))):
+            _check_plan(planner.plan(field, odd, seed), field, odd, limits)
+    assert _numbers(field, state) == before, "planning changes neither the field nor the state"
+    return plan
+
+
+def _check_plan(plan: Plan, field: Field, state: State, limits: Limits) -> None:
+    """Check that a plan is a feasible chain from a state, and that it ends as it reports."""
+    control = plan.control
+    assert control.shape[1:] == (4, 2), f"segments have shape (n, 4, 2), got {control.shape}"
+    assert len(plan.states) == len(control) + 1, "a plan has a state before each segment and a last"
+    assert is_feasible(control, field, limits).all(), "every segment of a plan is feasible"
+    if len(control):
+        start = np.stack([state.vehicle.position, state.vehicle.derivative])
+        assert np.array_equal(control[0, [0, 2]], start), "a plan leaves from the given state"
+        joined = np.array_equal(control[1:, [0, 2]], control[:-1, [1, 3]])
+        assert joined, "each segment starts with the point and the derivative of the last one's end"
+    if plan.certificates is not None:
+        assert len(plan.certificates) == len(control), "one certificate for each segment"
+    end = plan.states[-1].vehicle
+    assert end.segments <= limits.segments, "a plan has no more segments than the limits allow"
+    if plan.success:
+        assert np.array_equal(end.position, field.goal), "a solved plan ends on the goal"
+
+
+def _check_decision(planner: Replanner, field: Field, state: State, seed: int, plan: Plan) -> None:
+    """Check that the first segment decided, as it is flown, is the first of the plan."""
+    decision = planner.decide(field, state, seed)
+    if decision.chain is None:
+        assert len(plan.control) == 0, "a planner that decides no segment plans none"
+        return
+    vehicle, first = state.vehicle, decision.chain[0]
+    step = decision.first_step or fly_segment(field, vehicle, first, planner.limits)
+    same = np.array_equal(step.control[None] if step.flown else [], plan.control[:1])
+    assert same, "the first segment that a replanner decides is the first of its plan"
+
+
+def _numbers(field: Field, state: State) -> list[list[float]]:
+    """Numbers of a field and a state that would change with them."""
+    ends = np.stack([field.start, field.goal])
+    arrays = (ends, field.bounds, field.departure, field.obstacles.signed_distance(ends))
+    vehicle = (state.vehicle.position, state.vehicle.derivative, state.tail, state.flown)
+    return [array.ravel().tolist() for array in (*arrays, *vehicle)]
