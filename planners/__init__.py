@@ -1,1 +1,38 @@
-"""Planners: field and state in, certified plan out. None knows another, none knows gymnasium."""
+"""Planners: from a field, a state and a seed to a certified plan; none knows gymnasium.
+
+`make` builds a planner by name, `PLANNERS` lists the names. The other public names come
+from `planners.interface`; `planners.contract` checks what it promises. All names are imported when
+they are first used. Folders, from the ground up: `optimization` (windows of segments and their
+solvers), `whole_path` (routes and the segments fitted to them), `receding_horizon` (one segment at
+a time) and `wrappers` (planners around planners).
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from planners.interface import Decision as Decision
+    from planners.interface import Plan as Plan
+    from planners.interface import Planner as Planner
+    from planners.interface import Replanner as Replanner
+    from planners.interface import State as State
+    from planners.interface import Status as Status
+    from planners.registry import PLANNERS as PLANNERS
+    from planners.registry import make as make
+else:  # a type checker that saw it would accept any name
+    _MODULES = {
+        **dict.fromkeys(("PLANNERS", "make"), "planners.registry"),
+        **dict.fromkeys(
+            ("Decision", "Plan", "Planner", "Replanner", "State", "Status"), "planners.interface"
+        ),
+    }
+
+    def __getattr__(name):
+        """Import a public name when it is first used."""
+        if name not in _MODULES:
+            raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        value = globals()[name] = getattr(import_module(_MODULES[name]), name)
+        return value
+
+    def __dir__():
+        return sorted({*globals(), *_MODULES})

@@ -1,1 +1,9 @@
-"""Planners that decide one segment at a time."""
+"""Planners that decide one segment at a time from the state that was reached.
+
+`RecedingHorizon` is the paper's planner, `Guided` knows the exact distance to the goal and
+`Pursuit` follows the shortest path that keeps a margin.
+"""
+
+from planners.receding_horizon.guided import Guided as Guided
+from planners.receding_horizon.paper import RecedingHorizon as RecedingHorizon
+from planners.receding_horizon.pursuit import Pursuit as Pursuit

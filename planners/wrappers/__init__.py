@@ -1,1 +1,5 @@
-"""Planners around planners: backtracking, a limited sensing range, a safety margin."""
+"""Planners around planners: `Backtracking`, limited `Sensing`, and a safety `Margin`."""
+
+from planners.wrappers.backtracking import Backtracking as Backtracking
+from planners.wrappers.limited_sensing import Sensing as Sensing
+from planners.wrappers.safety_margin import Margin as Margin

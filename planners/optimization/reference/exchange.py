@@ -36,10 +36,9 @@ from planners.optimization.constraints import (
 from planners.optimization.nonlinear_program import Programme
 from planners.optimization.quadrature import lengths
 from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.sqp.multi_start import ROUNDS
 from planners.optimization.window import Window
 
-ROUNDS = 12
-"""Most solves of one window."""
 HOPELESS = 1e-3
 """A solver that leaves its own rows broken by more [m] is not helped by further rows."""
 

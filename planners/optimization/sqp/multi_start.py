@@ -17,9 +17,11 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from planners.optimization.certification import Certified, Solution, certify
-from planners.optimization.reference.exchange import ROUNDS
 from planners.optimization.sqp.elastic_sqp import CONVERGED, ElasticSqp, Search, SearchState
 from planners.optimization.window import Window
+
+ROUNDS = 12
+"""Most solves of one window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
