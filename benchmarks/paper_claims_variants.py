@@ -16,7 +16,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Planner
 from planners.optimization.certification import WindowSolver
-from planners.optimization.initial_guesses import nothing
+from planners.optimization.initial_guesses import no_guess
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.reference.two_stage import TwoSteps
@@ -85,7 +85,7 @@ def _many(starts: int = 10, alpha: float = 0.2, longest: float = 15.0) -> Varian
 
 def _from_random(solver: WindowSolver = SEARCH) -> RecedingHorizon:
     """Single-start, each window from a random feasible guess and not from the shifted plan."""
-    return RecedingHorizon(first_guess=nothing, random_starts=1, solver=solver)
+    return RecedingHorizon(first_guess=no_guess, random_starts=1, solver=solver)
 
 
 REFERENCE = "as the paper"

@@ -28,8 +28,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Decision, Plan, State, WindowReport
-from planners.optimization.initial_guesses import through
-from planners.rollout import arriving, rest, roll_out
+from planners.optimization.initial_guesses import catmull_rom
+from planners.rollout import ends_on_goal, remaining_plan, roll_out
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class Shooting:
         steps *= stream.uniform(4.0, 12.0, shape)[..., None]
         points = vehicle.position + np.insert(steps.cumsum(axis=1), 0, 0.0, axis=1)
         points[::4, -1] = field.goal  # a quarter of them try to arrive
-        chains = through(vehicle, points)  # with derivatives: (chains, segments, 4, 2)
+        chains = catmull_rom(vehicle, points)  # with derivatives: (chains, segments, 4, 2)
         chains = chains[is_feasible(chains, field, self.limits, tolerance=1e-6).all(axis=1)]
 
         best = chains[cost(chains, field).argmin()] if len(chains) else None
-        planned = rest(field, state, self.limits) if arriving(field, state) else None
-        if best is None or (planned is not None and cost(planned, field) < cost(best, field)):
-            best = planned
+        rest = remaining_plan(field, state, self.limits) if ends_on_goal(field, state) else None
+        if rest is not None and (best is None or cost(rest[0], field) < cost(best, field)):
+            best = rest[0]
         seconds = time.perf_counter() - began
         return Decision(best, WindowReport(step=vehicle.segments, seconds=seconds))
 

@@ -1,4 +1,9 @@
-"""What every planner takes and gives: states, decisions, plans."""
+"""The contract of planners: what they are given, what they return, what they promise.
+
+A planner maps a field, a state and a seed to a `Plan`. A `Replanner` also makes a single `Decision`
+from any state. A `Router` finds a `Route` for planners that fit segments to one, within a budget of
+iterations, evaluations or seconds. `planners.contract` checks the promises.
+"""
 
 from __future__ import annotations
 
@@ -6,20 +11,21 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Protocol, runtime_checkable
+from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
+from ferguson_gym.world.feasibility import Inspection
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.outcome import Outcome
 
 
 class Status(Enum):
-    """How planning ended. Labels are stable: data carries them."""
+    """How planning ended."""
 
     SOLVED = ("solved", "found a feasible path to the goal", Outcome.GOAL_REACHED)
     STUCK = ("stuck", "found no feasible window from where it was", Outcome.GAVE_UP)
@@ -39,89 +45,113 @@ class Status(Enum):
 
     def __init__(self, label: str, sentence: str, outcome: Outcome) -> None:
         self.label = label
-        """Stable name, as in files."""
+        """Stable name, for files."""
         self.sentence = sentence
-        """What people are shown."""
+        """Description for people."""
         self.outcome = outcome
         """How the planned flight ends in the environment."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where a flight is, and what the planner means to fly from there."""
+    """The state of a flight, and the part of a plan that is still to be flown."""
 
     vehicle: transition.State
     tail: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
-    """Segments (m, 4, 2) planned and not flown yet; none at the start."""
+    """Segments (m, 4, 2) planned and not flown yet; empty at the start."""
     flown: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
-    """Segments (k, 4, 2) flown so far, all that a planner remembers; fewer where a flight is
-    taken up on its way."""
+    """Segments (k, 4, 2) flown so far, a planner's only memory; fewer where planning starts in
+    the middle of a flight."""
 
 
 def initial_state(field: Field) -> State:
-    """The state at the start of a field, with nothing planned."""
+    """The state at the start of a field, with nothing planned.
+
+    Raises:
+        ValueError: a field that is not planar.
+    """
     return State(transition.initial_state(field))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowReport:
-    """How one decision came about; planners that solve nothing leave the defaults."""
+    """Statistics of one decision; planners that solve no window leave the defaults."""
 
     step: int
-    """Segments flown before it."""
+    """Number of segments flown before the decision."""
     start: str = ""
-    """Which first guess led to the chain that was kept; empty if none did."""
+    """Name of the first guess that led to the chosen chain; empty if no chain was found."""
     objective: float = math.nan
-    """Objective of that chain [m]; NaN if there is none."""
+    """Objective of the chosen chain [m]; NaN without one."""
     starts: int = 0
-    """Guesses from which the solver was started."""
+    """Number of first guesses that the solver was started from."""
     feasible: int = 0
     """How many of them led to a certified chain."""
     final: bool = False
-    """Whether the chain was then re-optimised to end on the goal; the objective is its length."""
+    """Whether the chain was re-optimised to end on the goal; the objective is then its length."""
     evaluations: int = 0
     """Evaluations of the objective, over all starts and the re-optimisation."""
     rounds: int = 0
-    """Solves of the kept chain's problem until certification had nothing to add."""
+    """Solves of the chosen chain's problem until it was certified."""
     solver_status: str = ""
-    """The solver's word on the kept chain."""
+    """The solver's message about the chosen chain."""
     cut_short: bool = False
-    """Whether a deadline passed before the search was over."""
+    """Whether the deadline passed before the search was complete."""
     seconds: float
     """Time to decide, certification included."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Decision:
-    """What a planner would fly from a state."""
+    """The segments that a planner would fly from a state."""
 
     chain: Array | None
-    """Segments (n, 4, 2), certified; the first is flown next. None: no way on was found."""
+    """Segments (n, 4, 2), certified; the first is flown next. None if none was found."""
     report: WindowReport
     candidates: Sequence[tuple[str, Array]] = ()
-    """First guesses (n, 4, 2) that were searched from, by name; the last one of the name
-    `report.start` led to the chain. None from planners that solve nothing."""
+    """First guesses (n, 4, 2) of the search, by name; the chain came from the last one named
+    `report.start`. Empty for planners that solve no window."""
     known: Field | None = None
-    """The field as far as the planner knew it; None: all of it."""
+    """The part of the field that the planner knew; None: all of it."""
+    first_step: transition.Step | None = None
+    """The first segment as it is flown, with its certificate in the planner's field. A rollout
+    reuses it; None makes the rollout certify."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Route:
+    """A curve from the vehicle to the goal, clear of obstacles and inside the bounds."""
+
+    points: Array
+    """(n, 2) corners, or points on the curve, from the vehicle to the goal [m]."""
+    length: float
+    """Length of the curve itself [m]; chords between its points are shorter."""
+    progress: Sequence[tuple[float, float]]
+    """Each improvement of the search: seconds since planning began, and the length [m] reached."""
+    evaluations: int = 0
+    """Evaluations of an objective, for planners that have one."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plan:
-    """A flight as a planner found it: what it reports as solved is certified feasible."""
+    """A planned flight. A plan whose status is solved is certified feasible."""
 
     status: Status
     control: Array
-    """Segments (n, 4, 2) as they will be flown; those flown so far where it failed."""
+    """Segments (n, 4, 2) as they will be flown; after a failure, those before it."""
     states: Sequence[State]
-    """States before each segment, and the last: n + 1. Planning from `states[k]` gives the
-    rest of this plan again."""
+    """The n + 1 states before, between and after the segments. Planning from `states[k]` gives
+    the rest of this plan."""
     decisions: Sequence[Decision]
-    """One for each segment, and the failed one where it failed; a single one from planners
-    that plan the whole path at once."""
+    """One for each segment, and the failed one after a failure; a single one from planners of
+    whole paths."""
     route: Route | None = None
-    """What planners of whole paths found before segments were fitted to it."""
+    """The route of a planner of whole paths, before segments were fitted to it."""
     reason: str = ""
-    """What is known of a crash."""
+    """Details of a crash."""
+    certificates: Sequence[Inspection] | None = None
+    """One for each segment as flown, from the planner's own certification; None if it did not
+    keep them."""
 
     @property
     def success(self) -> bool:
@@ -130,7 +160,7 @@ class Plan:
 
     @property
     def path(self) -> Path | None:
-        """The path to the goal; None if none was found, or the flight was there before."""
+        """The path to the goal; None after a failure, or if planning began on the goal."""
         return Path(self.control) if self.success and len(self.control) else None
 
     @property
@@ -145,90 +175,73 @@ class Plan:
 
 
 class Planner(Protocol):
-    """Field and state in, certified plan out."""
+    """Plans whole flights."""
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal. Randomness of a step comes from (seed, step)."""
+        """Plan from any state to the goal. Randomness of a step comes from (seed, step) alone."""
 
 
 @runtime_checkable
 class Replanner(Planner, Protocol):
-    """A planner that decides one segment at a time, from the state that was flown."""
+    """A planner that decides one segment at a time, from the state that was reached."""
 
     @property
     def limits(self) -> Limits:
-        """What a segment may be."""
+        """Bounds on a segment."""
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Route:
-    """A way to the goal, clear of obstacles and inside the bounds."""
-
-    points: Array
-    """(n, 2) corners, or points on the curve, from the vehicle to the goal [m]."""
-    length: float
-    """Of the curve itself [m]; points on it may lie on shorter chords."""
-    progress: Sequence[tuple[float, float]]
-    """Seconds since planning began, and the length [m] that was reached: each time a shorter
-    route was found, the first first."""
-    evaluations: int = 0
-    """Evaluations of an objective, for planners that have one."""
+        """Decide the next segment, and the segments meant to follow it."""
 
 
 class Router(Protocol):
     """Finds routes."""
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """A route from a vehicle to the goal, None if none was found.
+        """Find a route from a vehicle to the goal; None if the search fails.
 
         Raises:
-            CrashedError: what does the work crashed or did not answer.
+            CrashedError: the library behind the router crashed or did not answer.
         """
 
 
 class CrashedError(RuntimeError):
-    """A planner's library crashed or did not answer; the planner lives on."""
+    """The library behind a planner crashed or did not answer; the planner remains usable."""
 
 
 @dataclass(frozen=True, slots=True)
-class Iterations:
-    """So many rounds of the search: the same path on every machine.
+class _Count:
+    """A budget that gives the same path on every machine.
 
     Raises:
-        ValueError: fewer than one.
+        ValueError: a count below 1.
     """
 
+    unit: ClassVar[str]
     count: int
 
     def __post_init__(self) -> None:
         if self.count < 1:
-            raise ValueError(f"a budget is at least 1 iteration, got {self.count}")
+            raise ValueError(f"a budget is at least 1 {self.unit}, got {self.count}")
 
 
-@dataclass(frozen=True, slots=True)
-class Evaluations:
-    """So many evaluations of an objective: the same path on every machine.
+class Iterations(_Count):
+    """A number of iterations of a search."""
 
-    Raises:
-        ValueError: fewer than one.
-    """
+    unit = "iteration"
 
-    count: int
 
-    def __post_init__(self) -> None:
-        if self.count < 1:
-            raise ValueError(f"a budget is at least 1 evaluation, got {self.count}")
+class Evaluations(_Count):
+    """A number of evaluations of an objective."""
+
+    unit = "evaluation"
 
 
 @dataclass(frozen=True, slots=True)
 class Seconds:
-    """So much time by the clock: what is found depends on the machine.
+    """A budget of wall-clock time: the path depends on the machine.
 
     Raises:
-        ValueError: none, or endless.
+        ValueError: a time that is not positive and finite.
     """
 
     seconds: float

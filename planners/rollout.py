@@ -1,6 +1,9 @@
-"""A whole plan from a planner that decides one segment at a time."""
+"""Rollout: a whole plan from a planner that decides one segment at a time."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,87 +12,122 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.outcome import Outcome
-from ferguson_gym.world.transition import Follow, fly_segment
+from ferguson_gym.world.transition import Follow, Step, fly_segment
 from ferguson_gym.world.transition import State as Vehicle
-from planners.interface import Plan, Replanner, State, Status
+from planners.interface import Decision, Plan, Replanner, State, Status
 from planners.optimization.initial_guesses import shifted
+
+_STATUS = {
+    Outcome.GOAL_REACHED: Status.SOLVED,
+    Outcome.OUT_OF_SEGMENTS: Status.OUT_OF_SEGMENTS,
+}
+"""A rollout that ends with another outcome is stuck."""
 
 
 def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
-    """The state after flying the first of some segments (n, 4, 2), and where that led."""
+    """The state after the first segment of a chain (n, 4, 2) was flown.
+
+    Args:
+        state: before the segment.
+        chain: the planned segments, the first of them flown.
+        vehicle: where the flight of that segment ended.
+    """
     before = state.vehicle
     segment = before.position, vehicle.position, before.derivative, vehicle.derivative
     return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
 
 
-def rest(field: Field, state: State, limits: Limits, follow: Follow = fly_segment) -> Array | None:
-    """What is left of a plan (n, 4, 2), if anything is and it is feasible from the state flown."""
+def remaining_plan(
+    field: Field, state: State, limits: Limits, follow: Follow = fly_segment
+) -> tuple[Array, Step] | None:
+    """The segments (n, 4, 2) of an earlier plan still to be flown, and the first one as flown.
+
+    All of them are certified again: the flown part ended where a float32 action took it, not
+    where it was planned, and the field may have changed, as it does under limited sensing.
+
+    Returns:
+        None if nothing is left of the plan, or if it is infeasible from the state reached.
+    """
     if len(state.tail) == 0:
         return None
     chain = shifted(state.vehicle, state.tail, len(state.tail))
-    # the tolerance covers the rounding of the segment flown last
+    # the limits' whole tolerance: it covers the rounding of the last segment
     if not is_feasible(chain, field, limits).all():
         return None
-    return chain if follow(field, state.vehicle, chain[0], limits).flown else None
+    step = follow(field, state.vehicle, chain[0], limits)
+    return (chain, step) if step.flown else None
 
 
-def arriving(field: Field, state: State) -> bool:
-    """Whether what is planned ends on the goal."""
+def ends_on_goal(field: Field, state: State) -> bool:
+    """Whether the part of a plan still to be flown ends on the goal."""
     return len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
 
 
-def over(field: Field, state: State, limits: Limits) -> Plan | None:
-    """The plan of a flight that is over: on the goal, or out of segments; None if it goes on."""
+def finished(field: Field, state: State, limits: Limits) -> Plan | None:
+    """The empty plan of a flight on the goal or out of segments; None for any other flight."""
     if np.array_equal(state.vehicle.position, field.goal):
-        return Plan(Status.SOLVED, np.empty((0, 4, 2)), [state], [])
+        return flight_plan(Status.SOLVED, [], [state])
     if state.vehicle.segments >= limits.segments:
-        return Plan(Status.OUT_OF_SEGMENTS, np.empty((0, 4, 2)), [state], [])
+        return flight_plan(Status.OUT_OF_SEGMENTS, [], [state])
     return None
+
+
+def flight_plan(status: Status, steps: Sequence[Step], states: Sequence[State]) -> Plan:
+    """A plan, without its decisions, of steps flown between states; it keeps their certificates."""
+    control = np.array([step.control for step in steps]).reshape(-1, 4, 2)
+    return Plan(status, control, states, [], certificates=[step.inspection for step in steps])
 
 
 def roll_out(
     planner: Replanner, field: Field, state: State, seed: int, follow: Follow = fly_segment
 ) -> Plan:
-    """Decide, fly, decide again until the flight ends.
+    """Decide and fly one segment after another until the flight ends.
 
-    Segments are flown as the environment flies them, rounded to float32 actions, so that
-    the plan and its flight are equal bit for bit; unless `follow` flies them in another way.
+    Args:
+        planner: decides the segments.
+        field: where they are flown.
+        state: where the flight begins.
+        seed: of the planner.
+        follow: flies a segment. By default as the environment does, rounded to a float32 action,
+            so that the plan and its flight are equal bit for bit.
     """
-    if (ended := over(field, state, planner.limits)) is not None:
+    if (ended := finished(field, state, planner.limits)) is not None:
         return ended
-    states, decisions, flown = [state], [], []
-    status = Status.STUCK
-    while True:
+    states, decisions, steps = [state], list[Decision](), list[Step]()
+    outcome = Outcome.FLYING
+    while outcome is Outcome.FLYING:
         decision = planner.decide(field, state, seed)
         decisions.append(decision)
         if decision.chain is None:
             break
-        step = follow(field, state.vehicle, decision.chain[0], planner.limits)
+        # certified where it was decided, unless the planner knew only a part of the field
+        step = decision.first_step or follow(
+            field, state.vehicle, decision.chain[0], planner.limits
+        )
         if not step.flown:
             break
-        state = successor(state, decision.chain, step.state)
+        state, outcome = successor(state, decision.chain, step.state), step.outcome
         states.append(state)
-        flown.append(step.control)
-        if step.outcome is Outcome.GOAL_REACHED:
-            status = Status.SOLVED
-            break
-        if step.outcome is Outcome.OUT_OF_SEGMENTS:
-            status = Status.OUT_OF_SEGMENTS
-            break
-    return Plan(status, np.array(flown).reshape(-1, 4, 2), states, decisions)
+        steps.append(step)
+    status = _STATUS.get(outcome, Status.STUCK)
+    return replace(flight_plan(status, steps, states), decisions=decisions)
 
 
-def fly(chain: Array, field: Field, state: State, limits: Limits) -> tuple[Array, list[State]]:
-    """Fly segments (n, 4, 2) as far as they may be flown.
+def fly_chain(
+    chain: Array, field: Field, state: State, limits: Limits
+) -> tuple[list[Step], list[State]]:
+    """Fly segments (n, 4, 2), rounded to float32 actions, up to the first infeasible one.
+
+    Rounding changes the segments, so that each is certified again as it is flown.
 
     Returns:
-        The segments flown (m, 4, 2), as rounded to float32 actions, and the m + 1 states.
+        The m steps flown and the m + 1 states.
     """
-    states, flown = [state], []
-    for segment in chain:
+    states, steps = [state], []
+    for k, segment in enumerate(chain):
         step = fly_segment(field, states[-1].vehicle, segment, limits)
         if not step.flown:
             break
-        flown.append(step.control)
-        states.append(successor(states[-1], chain[len(flown) - 1 :], step.state))
-    return np.array(flown).reshape(-1, 4, 2), states
+        steps.append(step)
+        states.append(successor(states[-1], chain[k:], step.state))
+    return steps, states

@@ -36,18 +36,15 @@ class Report:
     @property
     def flight(self) -> Flight:
         """The plan as the flight it describes."""
-        plan, control = self.plan, self.plan.control
-        clearance = (
-            float(inspect(control, self.field).clearance.min()) if len(control) else math.inf
-        )
+        plan = self.plan
         return Flight(
             policy=self.name,
             field=self.field,
             seed=self.seed,
             outcome=plan.status.outcome,
-            control=control,
+            control=plan.control,
             refused=None,
-            clearance=clearance,
+            clearance=_clearance(plan, self.field),
             seconds=self.wall_seconds,
             decision_seconds=plan.step_seconds,
             decisions=list(plan.decisions),
@@ -108,6 +105,14 @@ class Report:
     def draw(self, path: Path) -> None:
         """Write a picture of the plan."""
         draw_flights([self.flight], path)
+
+
+def _clearance(plan: Plan, field: Field) -> float:
+    """Least clearance along a plan [m], as the planner certified it; infinite without segments."""
+    certificates = plan.certificates
+    if certificates is None:  # a planner that keeps none
+        certificates = [inspect(segment, field) for segment in plan.control]
+    return min((float(found.clearance) for found in certificates), default=math.inf)
 
 
 def _told(route: Route, exact: float | None) -> str:

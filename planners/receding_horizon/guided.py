@@ -1,8 +1,8 @@
-"""The receding horizon that knows the way: length flown plus the exact distance from there.
+"""Guided receding horizon: the paper's windows with the exact distance to the goal.
 
-Three segments are optimised and one is flown, as in the paper; but the window's end is judged by
-the length of the shortest path from there, and its starts lie on the shortest paths of the best
-homotopy classes. There are no random numbers.
+As in the paper, three segments are optimised and the first is flown. The objective is the length
+flown plus that of the shortest path from the window's end, and first guesses follow the shortest
+paths of the best homotopy classes. The planner is deterministic.
 """
 
 from __future__ import annotations
@@ -27,19 +27,19 @@ from ferguson_gym.world.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
-from planners.optimization.initial_guesses import along
+from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import LengthObjective
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.sqp.turn_contacts import WIDER
 from planners.optimization.window import ASIDE, STIFFNESS, Window, WindowSettings, final_window
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_in import turned
-from planners.rollout import arriving, rest, roll_out
+from planners.rollout import ends_on_goal, remaining_plan, roll_out
 from planners.whole_path.exact import SPACING
 
 
 class Start(NamedTuple):
-    """A window and where a search of it begins."""
+    """A window and a first guess."""
 
     name: str
     window: Window
@@ -56,23 +56,23 @@ class Guided:
     """
 
     classes: int = 2
-    """Homotopy classes that windows start from: the next is tried where one leads to nothing."""
+    """Homotopy classes, best first, that first guesses follow until one leads to a chain."""
     detours: int = 6
-    """Further classes, where a turn radius lets these lead to nothing."""
+    """Further classes tried if a turn radius makes the first ones fail."""
     strides: tuple[float, ...] = (11.0, 7.0, 4.5)
-    """Lengths of segments at first [m], likewise."""
+    """Segment lengths of first guesses [m], tried until one leads to a chain."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     settings: WindowSettings = field(default_factory=lambda: WindowSettings(stiffness=STIFFNESS))
     limits: Limits = PAPER_LIMITS
     min_turn_radius: float | None = None
-    """Least radius of curvature along the whole flight [m], certified; None turns at will."""
+    """Least radius of curvature along the whole flight [m], certified; None allows any turn."""
 
     def __post_init__(self) -> None:
         if self.min_turn_radius is not None:
             check_turn_radius(self.min_turn_radius, self.limits.tolerance)
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; the seed changes nothing.
+        """Plan from a state to the goal; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
@@ -80,26 +80,32 @@ class Guided:
         return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it.
+        """Decide the next segment, and the segments meant to follow it.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        if arriving(field, state) and (left := self._rest(field, state)) is not None:
-            return Decision(left, _report(state, began, []))
+        if ends_on_goal(field, state) and (left := self._remaining(field, state)) is not None:
+            return Decision(left[0], _report(state, began, []), first_step=left[1])
         tried: list[tuple[str, Array]] = []
         ends: list[Certified] = []
         for start in self.starts(field, state):
             tried.append((start.name, start.guess))
             ends += self.solver.solve(start.window, [start.guess])
-            if ends[-1].feasible and self._holds(field, state.vehicle, ends[-1].control):
-                return Decision(ends[-1].control, _report(state, began, ends, start), tried)
-        # nothing new was found, but what was planned before still leads somewhere
-        return Decision(self._rest(field, state), _report(state, began, ends), tried)
+            if not ends[-1].feasible:
+                continue
+            chain = ends[-1].control
+            step = self._fly(field, state.vehicle, chain[0])
+            if step is not None and self._can_be_continued(field, chain):
+                report = _report(state, began, ends, start)
+                return Decision(chain, report, tried, first_step=step)
+        # no window has a solution, but the rest of the last plan may still be feasible
+        rest, first = self._remaining(field, state) or (None, None)
+        return Decision(rest, _report(state, began, ends), tried, first_step=first)
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
-        """Windows along shortest paths, the best class first, and guesses on and beside them."""
+        """Windows along shortest paths, best class first, with guesses on and beside the path."""
         vehicle, ways = state.vehicle, []
         for rank, path in self._ways(field, state):
             points = path.points(SPACING)
@@ -117,36 +123,33 @@ class Guided:
     def _along(
         self, field: Field, vehicle: transition.State, points: Array, length: float
     ) -> Iterator[tuple[Window, Array]]:
-        """Windows and guesses on a route to the goal (m, 2) of some length [m]."""
+        """Windows and guesses along a route to the goal (m, 2) of a given length [m]."""
         for stride in self.strides:
             reach = self.settings.segments * stride
             final = length <= reach
             segments = math.ceil(length / stride) if final else self.settings.segments
-            window = (
-                self._final_window(field, vehicle, segments)
-                if final
-                else self.window(field, vehicle, segments)
-            )
-            yield window, along(vehicle, points, segments, min(length, reach))
+            make = self._final_window if final else self.window
+            window = make(field, vehicle, segments)
+            yield window, along_route(vehicle, points, segments, min(length, reach))
 
     def _turned(self, vehicle: transition.State, points: Array) -> list[Array]:
-        """A route after turns into it, where they have a radius."""
+        """Routes that turn into a route (m, 2) on a circle, if there is a least turn radius."""
         if self.min_turn_radius is None:
             return []
         return turned(vehicle, points, WIDER * self.min_turn_radius)
 
     def _ways(self, field: Field, state: State) -> Iterator[tuple[int, ShortestPath]]:
-        """The shortest paths of the best classes, numbered from 1."""
+        """The shortest paths of the best homotopy classes, numbered from 1."""
         togo, position = distance_to_go(field), state.vehicle.position
         best = classes(togo, position, self.classes)
         yield from enumerate(best, start=1)
-        # not found at once: most flights never need a detour
+        # searched for separately, since most flights need no detour
         if self.min_turn_radius is not None:
             every = classes(togo, position, self.classes + self.detours)
             yield from enumerate(every[len(best) :], start=len(best) + 1)
 
     def window(self, field: Field, vehicle: transition.State, segments: int) -> Window:
-        """So many segments, past the obstacles within their reach."""
+        """A window of some segments among the obstacles within their reach."""
         return Window(
             chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
             objective=ToGoObjective(distance_to_go(field)),
@@ -162,28 +165,29 @@ class Guided:
         window = final_window(field, vehicle, self.limits, self.settings, segments)
         return replace(window, turn_radius=self.min_turn_radius or 0.0)
 
-    def _rest(self, field: Field, state: State) -> Array | None:
-        """What is left of a plan, if it can be flown."""
-        left = rest(field, state, self.limits)
-        if left is None or self.min_turn_radius is None:
-            return left
-        return left if self._flies(field, state.vehicle, left[0]) else None
+    def _remaining(self, field: Field, state: State) -> tuple[Array, transition.Step] | None:
+        """The rest of the last plan and its first segment as flown, if they are feasible."""
+        rest = remaining_plan(field, state, self.limits)
+        return rest if rest is not None and self._turns(rest[1].control) else None
 
-    def _flies(self, field: Field, vehicle: transition.State, segment: Array) -> bool:
-        """Whether a segment can be flown, rounded as actions are."""
+    def _fly(
+        self, field: Field, vehicle: transition.State, segment: Array
+    ) -> transition.Step | None:
+        """A segment (4, 2) of a certified chain as it is flown; None if it is infeasible.
+
+        It is certified once more because rounding to a float32 action changes it.
+        """
         step = transition.fly_segment(field, vehicle, segment, self.limits)
-        return step.flown and self._turns(step.control)
+        return step if step.flown and self._turns(step.control) else None
 
     def _turns(self, segment: Array) -> bool:
-        """Whether a segment keeps the turn radius."""
+        """Whether a segment (4, 2) keeps the turn radius."""
         if self.min_turn_radius is None:
             return True
         return bool(keeps_turn_radius(segment, self.min_turn_radius, self.limits.tolerance))
 
-    def _holds(self, field: Field, vehicle: transition.State, chain: Array) -> bool:
-        """Whether a chain can be flown and, unless it ends on the goal, be continued."""
-        if not self._flies(field, vehicle, chain[0]):
-            return False
+    def _can_be_continued(self, field: Field, chain: Array) -> bool:
+        """Whether a chain (n, 4, 2) ends on the goal or where a feasible segment is found."""
         if np.array_equal(chain[-1, 1], field.goal):
             return True
         end = transition.State(chain[-1, 1], chain[-1, 3])
@@ -192,18 +196,18 @@ class Guided:
             return False
         points = path.points(SPACING)
         for stride in self.strides:
-            ahead = along(end, points, 1, min(path.length, stride))
+            ahead = along_route(end, points, 1, min(path.length, stride))
             if is_feasible(ahead, field, self.limits).all() and self._turns(ahead[0]):
                 return True
-        turns = [along(end, route, 1, self.strides[0]) for route in self._turned(end, points)]
+        turns = [along_route(end, route, 1, self.strides[0]) for route in self._turned(end, points)]
         ends = self.solver.solve(self.window(field, end, 1), [ahead, *turns])
         return any(further.feasible for further in ends)
 
 
 def _report(
-    state: State, began: float, ends: list[Certified], kept: Start | None = None
+    state: State, began: float, ends: list[Certified], chosen: Start | None = None
 ) -> WindowReport:
-    """On some searches, the last of them from the start that was kept."""
+    """The report on some searches, the last of them from the start that was chosen, if any."""
     report = WindowReport(
         step=state.vehicle.segments,
         start="" if ends else "planned",
@@ -212,13 +216,13 @@ def _report(
         evaluations=sum(end.evaluations for end in ends),
         seconds=time.perf_counter() - began,
     )
-    if kept is None:
+    if chosen is None:
         return report
     return replace(
         report,
-        start=kept.name,
+        start=chosen.name,
         objective=ends[-1].solution.objective,
-        final=isinstance(kept.window.objective, LengthObjective),
+        final=isinstance(chosen.window.objective, LengthObjective),
         rounds=ends[-1].rounds,
         solver_status=ends[-1].solution.status,
     )

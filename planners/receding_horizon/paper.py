@@ -1,10 +1,12 @@
-"""The paper's planner: optimise three segments, fly one, plan three again.
+"""The paper's planner: optimise three segments, fly the first, and repeat.
 
-Choices the paper leaves open, each in one place: the very first guess and the derivatives
-of random guesses (`planners.optimization.initial_guesses`); a solve counts when its chain is
-certified feasible, whether or not the solver calls it converged; near the goal, within three
-shortest segments, fewer segments are planned; the start derivative and the gate are the field's and
-the limits'.
+Where the paper leaves a choice open: the very first guess and the derivatives of random guesses are
+those of `planners.optimization.initial_guesses`; a solution counts if its chain is certified
+feasible, even if the solver did not converge; within three shortest segments of the goal, fewer
+segments are planned; the start derivative comes from the field and the gate from the limits.
+
+Reference:
+    The paper, section III.
 """
 
 from __future__ import annotations
@@ -12,7 +14,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -27,58 +29,56 @@ from planners.optimization.initial_guesses import (
     FirstGuess,
     Proposer,
     RandomGuess,
-    as_planned,
     random_chains,
     shifted,
+    shifted_or_straight,
 )
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
-from planners.rollout import arriving, rest, roll_out
+from planners.rollout import ends_on_goal, remaining_plan, roll_out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecedingHorizon:
-    """The paper's planner, `single-start` without random starts, `multi-start` with ten.
+    """The paper's planner: `single-start` without random starts, `multi-start` with ten.
 
     Raises:
-        ValueError: limits that allow segments longer than an action can express, where they are
+        ValueError: limits that allow segments longer than an action can express, if segments are
             flown as actions.
-
-    Reference:
-        The paper, section III.
     """
 
-    first_guess: FirstGuess = as_planned
-    """What a window is searched from before all random guesses: the shifted plan."""
+    first_guess: FirstGuess = shifted_or_straight
+    """First guess of a window, before all random ones."""
     random_starts: int = 10
-    """Random feasible guesses beside it, for each window."""
+    """Number of random feasible guesses for each window."""
     draws: int = 10
-    """Most draws for each of them; a start that stays infeasible is left out."""
+    """Most draws for each random guess; one that stays infeasible is left out."""
     redraws: tuple[int, ...] = (10, 100)
-    """How many times as many draws random guesses get where all starts led to nothing, in turn."""
+    """Factors on the number of draws, tried in turn while no start leads to a chain."""
     random_guess: RandomGuess = random_chains
-    """How a random guess is drawn."""
+    """Draws random guesses."""
     proposer: Proposer | None = None
-    """Proposes starts. They are searched first and alone: who proposes knows more of the way than
-    the objective, by which other starts would win. The shifted plan and the random starts follow
-    where that leads to nothing, so that a way on is found wherever it would be without."""
+    """Proposes starts. The solver starts from these alone at first, since a proposer may know more
+    about the route than the objective, by which other starts would win. If they fail, the shifted
+    plan and the random starts follow, so that a proposer never costs a solution."""
     polish: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
-    """Searches from proposals."""
+    """Solves windows from proposals."""
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
     follow: transition.Follow = transition.fly_segment
-    """How segments are flown: as the environment's actions, `flight.follow_exactly` without."""
+    """Flies a segment: as an action of the environment, or as it is by
+    `ferguson_gym.world.transition.follow_exactly`."""
     deadline: float = math.inf
-    """Time [s] for a decision. When it has passed, the best certified chain found so far is
-    flown, or what is left of the last; results then depend on the machine."""
+    """Time for a decision [s]. Once it has passed, the best certified chain found so far is flown,
+    or the rest of the last plan; results then depend on the machine."""
 
     def __post_init__(self) -> None:
         reach = REACH if self.follow is transition.fly_segment else math.inf
         if self.limits.longest + self.limits.tolerance > reach:
             raise ValueError(
                 f"an action reaches {reach} m, too short for limits.longest = "
-                f"{self.limits.longest} m; flight.follow_exactly flies segments without actions"
+                f"{self.limits.longest} m; transition.follow_exactly flies segments without actions"
             )
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
@@ -86,49 +86,65 @@ class RecedingHorizon:
         return roll_out(self, field, state, seed, self.follow)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it."""
-        began = time.perf_counter()
-        until = began + self.deadline
-        if arriving(field, state) and (left := self._rest(field, state)) is not None:
-            return Decision(left, _report(state, "planned", None, [], began))
-        vehicle = state.vehicle
-        window = self.window(field, vehicle)
-        begun: list[tuple[str, Array]] = []
-        solved: list[tuple[str, Certified]] = []
-        proposed = self._proposed(field, vehicle, seed)
+        """Decide the next segment, and the segments meant to follow it."""
+        search = _Search(state, self.deadline)
+        if ends_on_goal(field, state) and (resumed := self._resume(field, search)):
+            return resumed
+        proposed = self._proposed(field, state.vehicle, seed)
+        return (
+            self._arrive(field, search, proposed)
+            or self._advance(field, search, proposed, seed)
+            or search.decision(None)
+        )
+
+    def _resume(self, field: Field, search: _Search) -> Decision | None:
+        """Fly the rest of the last plan, if it is still feasible."""
+        rest = remaining_plan(field, search.state, self.limits, self.follow)
+        return None if rest is None else search.decision(*rest, start="planned")
+
+    def _arrive(
+        self, field: Field, search: _Search, proposed: Sequence[tuple[str, Array]]
+    ) -> Decision | None:
+        """Fly the first proposal that ends on the goal and leads to a feasible chain."""
         for name, guess in proposed:
             if np.array_equal(guess[-1, 1], field.goal):
-                arrival = self._final(field, vehicle, guess, self.polish, until)
-                begun.append((name, guess))
-                solved.append((name, arrival))
-                if self._flies(field, vehicle, arrival):
-                    report = _report(state, name, arrival, solved, began, until)
-                    return Decision(arrival.control, replace(report, final=True), begun)
-        for solver, starts in self._rounds(window, state, seed, proposed):
-            names, guesses = zip(*starts, strict=True)
-            ends = solver.solve(window, guesses, until)
-            solved += zip(names, ends, strict=False)
-            begun += starts[: len(ends)]
-            # sorting is stable: the first of equal chains wins, as in the paper
-            ranked = sorted(
-                ((name, end) for name, end in solved if end.feasible),
-                key=lambda pair: pair[1].solution.objective,
-            )
-            for name, kept in ranked:
-                final = self._finish(field, vehicle, kept.control, solver, until)
-                kept = final or kept
-                if self._flies(field, vehicle, kept):
-                    report = _report(state, name, kept, solved, began, until, final)
-                    return Decision(kept.control, report, begun)
-            if time.perf_counter() > until:
-                if (left := self._rest(field, state)) is not None:
-                    report = _report(state, "planned", None, solved, began, until)
-                    return Decision(left, report, begun)
-                break
-        return Decision(None, _report(state, "", None, solved, began, until), begun)
+                end = self._final(field, search, guess, self.polish)
+                search.add([(name, guess)], [end])
+                if (step := self._fly(field, search, end)) is not None:
+                    return search.decision(end.control, step, start=name, chosen=end, final=True)
+        return None
+
+    def _advance(
+        self, field: Field, search: _Search, proposed: Sequence[tuple[str, Array]], seed: int
+    ) -> Decision | None:
+        """Fly the best chain of the first round of starts that leads to one, before the deadline.
+
+        After the deadline, the rest of the last plan is flown instead.
+        """
+        window = self.window(field, search.state.vehicle)
+        for solver, starts in self._rounds(window, search.state, seed, proposed):
+            search.add(starts, solver.solve(window, [guess for _, guess in starts], search.until))
+            for name, end in search.ranked():
+                if (decision := self._commit(field, search, name, end, solver)) is not None:
+                    return decision
+            if time.perf_counter() > search.until:
+                return self._resume(field, search)
+        return None
+
+    def _commit(
+        self, field: Field, search: _Search, name: str, end: Certified, solver: WindowSolver
+    ) -> Decision | None:
+        """Fly a certified chain, re-optimised to end on the goal if its end is within the gate."""
+        if np.linalg.norm(end.control[-1, 1] - field.goal) <= self.limits.gate:
+            final = self._final(field, search, end.control, solver)
+            if (step := self._fly(field, search, final)) is not None:
+                search.evaluations += final.evaluations
+                return search.decision(final.control, step, start=name, chosen=final, final=True)
+        step = self._fly(field, search, end)
+        return None if step is None else search.decision(end.control, step, name, end)
 
     def window(self, field: Field, vehicle: transition.State) -> Window:
-        """What is planned next: three segments, fewer if even the shortest would overshoot."""
+        """The next window: three segments, or fewer where three would overshoot the goal."""
         distance = float(np.linalg.norm(field.goal - vehicle.position))
         fit = max(1, int(distance / self.limits.shortest))
         segments = min(self.settings.segments, fit)
@@ -137,7 +153,7 @@ class RecedingHorizon:
     def _proposed(
         self, field: Field, vehicle: transition.State, seed: int
     ) -> list[tuple[str, Array]]:
-        """What the proposer proposes, if there is one, by name."""
+        """The proposer's chains by name; empty without a proposer."""
         if self.proposer is None:
             return []
         chains = self.proposer.propose(field, vehicle, self.settings.segments, seed)
@@ -146,7 +162,7 @@ class RecedingHorizon:
     def _rounds(
         self, window: Window, state: State, seed: int, proposed: Sequence[tuple[str, Array]]
     ) -> Iterator[tuple[WindowSolver, list[tuple[str, Array]]]]:
-        """Starts by name, and what searches from them; the next where the last led to nothing."""
+        """Rounds of starts by name, each with its solver; a round is used if all before failed."""
         if proposed:
             segments = window.chain.segments
             fitted = [(name, shifted(state.vehicle, guess, segments)) for name, guess in proposed]
@@ -156,9 +172,9 @@ class RecedingHorizon:
                 yield self.solver, starts
 
     def starts(self, window: Window, state: State, seed: int) -> Iterator[list[tuple[str, Array]]]:
-        """The first guess, the shifted plan, and random feasible chains, by name.
+        """Rounds of starts by name: the first guess with random feasible chains, then random ones.
 
-        Where they lead to nothing, random chains again, drawn more often.
+        Each round of random chains has more draws than the last.
         """
         vehicle, segments = state.vehicle, window.chain.segments
         first = self.first_guess(vehicle, state.tail, segments, self.limits)
@@ -167,13 +183,13 @@ class RecedingHorizon:
             return
         stream = np.random.default_rng([seed, vehicle.segments])
         yield [*first, *self._drawn(window, vehicle, stream, self.draws)]
-        for often in self.redraws:
-            yield self._drawn(window, vehicle, stream, often * self.draws)
+        for factor in self.redraws:
+            yield self._drawn(window, vehicle, stream, factor * self.draws)
 
     def _drawn(
         self, window: Window, vehicle: transition.State, stream: np.random.Generator, draws: int
     ) -> list[tuple[str, Array]]:
-        """The first feasible chain of some draws, for each random start that has one."""
+        """For each random start the first feasible one of its draws, if any is feasible."""
         count = self.random_starts * draws
         drawn = self.random_guess(stream, vehicle, window.chain.segments, self.limits, count)
         admitted = window.admits(drawn).reshape(self.random_starts, draws)
@@ -183,63 +199,69 @@ class RecedingHorizon:
             for start in np.flatnonzero(admitted.any(axis=1))
         ]
 
-    def _finish(
-        self,
-        field: Field,
-        vehicle: transition.State,
-        chain: Array,
-        solver: WindowSolver,
-        until: float,
-    ) -> Certified | None:
-        """The chain re-optimised to end on the goal, if its end is within the gate."""
-        if np.linalg.norm(chain[-1, 1] - field.goal) > self.limits.gate:
-            return None
-        final = self._final(field, vehicle, chain, solver, until)
-        return final if self._flies(field, vehicle, final) else None
-
     def _final(
-        self,
-        field: Field,
-        vehicle: transition.State,
-        guess: Array,
-        solver: WindowSolver,
-        until: float,
+        self, field: Field, search: _Search, guess: Array, solver: WindowSolver
     ) -> Certified:
-        """The shortest chain found to the goal, of as many segments as a guess has."""
+        """The shortest chain to the goal found from a guess (n, 4, 2), of as many segments."""
+        vehicle = search.state.vehicle
         window = final_window(field, vehicle, self.limits, self.settings, len(guess))
-        (final,) = solver.solve(window, [guess], until)
+        (final,) = solver.solve(window, [guess], search.until)
         return final
 
-    def _flies(self, field: Field, vehicle: transition.State, end: Certified) -> bool:
-        """Whether a chain is certified, and its first segment flies as an action."""
-        return end.feasible and self.follow(field, vehicle, end.control[0], self.limits).flown
+    def _fly(self, field: Field, search: _Search, end: Certified) -> transition.Step | None:
+        """The first segment of a certified chain as it is flown; None if it is infeasible.
 
-    def _rest(self, field: Field, state: State) -> Array | None:
-        """What is left of the last plan, if it may be flown."""
-        return rest(field, state, self.limits, self.follow)
+        It is certified once more because rounding to a float32 action changes it.
+        """
+        if not end.feasible:
+            return None
+        step = self.follow(field, search.state.vehicle, end.control[0], self.limits)
+        return step if step.flown else None
 
 
-def _report(
-    state: State,
-    start: str,
-    kept: Certified | None,
-    solved: list[tuple[str, Certified]],
-    began: float,
-    until: float = math.inf,
-    final: Certified | None = None,
-) -> WindowReport:
-    now = time.perf_counter()
-    return WindowReport(
-        step=state.vehicle.segments,
-        start=start,
-        objective=math.nan if kept is None else kept.solution.objective,
-        starts=len(solved),
-        feasible=sum(end.feasible for _, end in solved),
-        final=final is not None,
-        evaluations=sum(end.evaluations for _, end in solved)
-        + (0 if final is None else final.evaluations),
-        rounds=0 if kept is None else kept.rounds,
-        solver_status="" if kept is None else kept.solution.status,
-        cut_short=now > until,
-        seconds=now - began,
-    )
+class _Search:
+    """The searches of one decision."""
+
+    def __init__(self, state: State, deadline: float) -> None:
+        self.state = state
+        self.began = time.perf_counter()
+        self.until = self.began + deadline
+        self.guesses: list[tuple[str, Array]] = []
+        self.ends: list[tuple[str, Certified]] = []
+        self.evaluations = 0
+
+    def add(self, starts: Sequence[tuple[str, Array]], ends: Sequence[Certified]) -> None:
+        """Note searches from starts by name; a deadline may have left out the last of them."""
+        self.guesses += starts[: len(ends)]
+        self.ends += [(name, end) for (name, _), end in zip(starts, ends, strict=False)]
+        self.evaluations += sum(end.evaluations for end in ends)
+
+    def ranked(self) -> list[tuple[str, Certified]]:
+        """Certified ends, the best objective first; of equal ones the first found, as the paper."""
+        certified = [(name, end) for name, end in self.ends if end.feasible]
+        return sorted(certified, key=lambda pair: pair[1].solution.objective)
+
+    def decision(
+        self,
+        chain: Array | None,
+        step: transition.Step | None = None,
+        start: str = "",
+        chosen: Certified | None = None,
+        final: bool = False,
+    ) -> Decision:
+        """The decision for a chain (n, 4, 2), with a report on all searches."""
+        now = time.perf_counter()
+        report = WindowReport(
+            step=self.state.vehicle.segments,
+            start=start,
+            objective=math.nan if chosen is None else chosen.solution.objective,
+            starts=len(self.ends),
+            feasible=sum(end.feasible for _, end in self.ends),
+            final=final,
+            evaluations=self.evaluations,
+            rounds=0 if chosen is None else chosen.rounds,
+            solver_status="" if chosen is None else chosen.solution.status,
+            cut_short=bool(self.ends) and now > self.until,
+            seconds=now - self.began,
+        )
+        return Decision(chain, report, self.guesses, first_step=step)

@@ -1,12 +1,11 @@
 """Pursuit: segments of one stride on the shortest path that keeps a margin from obstacles.
 
-Nothing is optimised: a segment ends a stride ahead on that path, along its tangent. So what is
-decided is a simple function of the state, and what flies it with small errors survives them: an
-expert to learn from. From inside the margin it steers back out.
+Nothing is optimised: a segment ends one stride ahead on the path, along its tangent. A decision is
+therefore a simple function of the state and tolerates small tracking errors, so that the planner
+can serve as an expert for imitation learning. From inside the margin it steers back out.
 
 Reference:
-    Coulter (1992), Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01:
-    aims at a point of the path some way ahead.
+    Coulter (1992), Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01.
 """
 
 from __future__ import annotations
@@ -33,20 +32,20 @@ from planners.receding_horizon.guided import Guided
 from planners.rollout import roll_out
 
 SPACING = 0.25
-"""Of points on the path [m]."""
-_HAIR = 1e-7
-"""How far outside a grown disc a point is put that lay in it [m]."""
+"""Distance between points on the path [m]."""
+_OUTSIDE = 1e-7
+"""Distance from a grown disc at which a point moved out of it is placed [m]."""
 _TRIES = 8
-"""How often a point is moved out of grown discs that overlap."""
+"""Most moves of a point out of grown discs that overlap."""
 
 
 class Surroundings(NamedTuple):
     """A field whose discs are grown by their margins."""
 
     margins: Array
-    """(n,) of the discs [m]."""
+    """(n,) by which each disc is grown [m]."""
     togo: DistanceToGoal
-    """Among the grown discs."""
+    """The distance to the goal among the grown discs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,19 +53,19 @@ class Pursuit:
     """A planner that pursues the shortest path at a distance from obstacles.
 
     Raises:
-        ValueError: a stride, a margin or a gap that is not a length above 0.
+        ValueError: a stride, a margin or a gap width that is not positive and finite.
     """
 
     margin: float = 0.8
-    """Distance kept from a disc where its neighbours leave room [m]."""
+    """Distance kept from a disc if its neighbours leave room for it [m]."""
     narrowest: float = 0.8
-    """Gaps from this width on stay open: what borders them takes a smaller margin [m]."""
+    """Least width of gaps that stay open [m]; discs beside them are grown by less than `margin`."""
     stride: float = 7.0
-    """Length of segments, as nearly as a whole number of them ends on the goal [m]."""
+    """Approximate length of segments [m]; a whole number of them ends on the goal."""
     others: tuple[float, ...] = (5.25, 9.0, 4.0)
-    """Strides tried where that leads to nothing [m]."""
+    """Strides tried in turn if no feasible segment of the first stride is found [m]."""
     rescue: Replanner = field(default_factory=Guided)
-    """Decides where none of them does."""
+    """Decides if no stride leads to a feasible segment."""
     limits: Limits = PAPER_LIMITS
 
     def __post_init__(self) -> None:
@@ -77,7 +76,7 @@ class Pursuit:
             raise ValueError(f"others must be lengths above 0 m, got {self.others!r}")
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; the seed changes nothing.
+        """Plan from a state to the goal; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs.
@@ -86,7 +85,7 @@ class Pursuit:
         return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the one that is meant to follow it.
+        """Decide the next segment, and the one meant to follow it.
 
         Raises:
             TypeError: obstacles other than discs.
@@ -97,15 +96,17 @@ class Pursuit:
         for chain in self._chains(field, vehicle):
             if not is_feasible(chain, field, self.limits).all():
                 continue
-            if transition.fly_segment(field, vehicle, chain[0], self.limits).flown:
-                seconds = time.perf_counter() - began
-                return Decision(chain, WindowReport(step=vehicle.segments, seconds=seconds))
+            # certified as flown, since rounding to a float32 action changes the segment
+            step = transition.fly_segment(field, vehicle, chain[0], self.limits)
+            if step.flown:
+                report = WindowReport(step=vehicle.segments, seconds=time.perf_counter() - began)
+                return Decision(chain, report, first_step=step)
         decision = self.rescue.decide(field, state, seed)
         report = replace(decision.report, seconds=time.perf_counter() - began)
         return replace(decision, report=report)
 
     def _chains(self, field: Field, vehicle: transition.State) -> Iterator[Array]:
-        """One or two segments on the path, of one stride after the other."""
+        """Chains (1 or 2, 4, 2) on the path, one for each stride."""
         path = self._path(field, vehicle.position)
         if path is None:
             return
@@ -115,22 +116,27 @@ class Pursuit:
             yield _along(vehicle, points, path.length / number, min(number, 2))
 
     def _path(self, field: Field, position: Array) -> ShortestPath | None:
-        """The shortest path from the nearest point outside all margins; None without one."""
+        """The shortest path from the nearest point outside all margins; None if there is none."""
         margins, togo = surroundings(field, self.margin, self.narrowest)
         outside = _outside(togo.field, position)
         path = None if outside is None else togo.path(outside)
         if path is not None:
             return path
         discs = planar_discs(field)
-        room = np.clip(discs.signed_distance(position) - _HAIR, 0.0, margins)
+        room = np.clip(discs.signed_distance(position) - _OUTSIDE, 0.0, margins)
         return DistanceToGoal(replace(field, obstacles=discs.grown(room))).path(position)
 
 
 @lru_cache(maxsize=2)
 def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
-    """A field with discs grown by a margin [m], less where gaps as wide as `narrowest` would close.
+    """Grow a field's discs by a margin, or by less where that would close a gap.
 
-    Start and goal stay outside. Fields are known by identity.
+    Start and goal stay outside of the grown discs. Results are cached by the field's identity.
+
+    Args:
+        field: of discs in the plane.
+        margin: by which discs are grown at most [m].
+        narrowest: width of the narrowest gaps that must stay open [m].
 
     Raises:
         TypeError: obstacles other than discs.
@@ -140,15 +146,15 @@ def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
     apart = np.linalg.norm(discs.centers[:, None] - discs.centers, axis=-1)
     gaps = apart - discs.radii[:, None] - discs.radii
     np.fill_diagonal(gaps, np.inf)
-    gaps[gaps < narrowest] = np.inf  # they are walls, margin or not
+    gaps[gaps < narrowest] = np.inf  # closed with or without a margin
     room = discs.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
-    most = np.minimum(0.45 * gaps.min(axis=1, initial=np.inf), room - _HAIR)
+    most = np.minimum(0.45 * gaps.min(axis=1, initial=np.inf), room - _OUTSIDE)
     margins = np.clip(most, 0.0, margin)
     return Surroundings(margins, DistanceToGoal(replace(field, obstacles=discs.grown(margins))))
 
 
 def _outside(field: Field, position: Array) -> Array | None:
-    """The point itself or, out of the discs it lies in, one nearby; None where none is found."""
+    """A point (2,) outside of all discs near a position (2,); None if none is found."""
     discs, point = field.obstacles, position.copy()
     assert isinstance(discs, Discs)
     for _ in range(_TRIES):
@@ -157,12 +163,12 @@ def _outside(field: Field, position: Array) -> Array | None:
             return point
         k = int(depth.argmin())
         away = point - discs.centers[k]
-        point = discs.centers[k] + away * ((discs.radii[k] + _HAIR) / np.linalg.norm(away))
+        point = discs.centers[k] + away * ((discs.radii[k] + _OUTSIDE) / np.linalg.norm(away))
     return None
 
 
 def _along(vehicle: transition.State, points: Array, stride: float, number: int) -> Array:
-    """Segments (number, 4, 2) of one stride [m] on a route (m, 2), along its tangents."""
+    """Segments (number, 4, 2) of one stride [m] along a route (m, 2) and its tangents."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(chords)])
     at = stride * np.arange(number + 1)
@@ -171,6 +177,6 @@ def _along(vehicle: transition.State, points: Array, stride: float, number: int)
         for shift in (0.0, -2.0 * SPACING, 2.0 * SPACING)
     )
     slopes = after - before
-    slopes *= stride / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), _HAIR)
+    slopes *= stride / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), _OUTSIDE)
     knots[0], slopes[0] = vehicle.position, vehicle.derivative
     return np.stack([knots[:-1], knots[1:], slopes[:-1], slopes[1:]], axis=1)

@@ -1,4 +1,4 @@
-"""Routes that leave as the vehicle is heading and turn into another route on a circle."""
+"""Routes that leave along the vehicle's heading and turn into another route on a circle."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.transition import State
 
 _FAR = 4.0
-"""A circle is left for the route's first point this many radii away, or its last."""
+"""A circle is left towards the first point of the route this many radii away, or its last one."""
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 145)
 
 
 def turned(state: State, points: Array, radius: float) -> list[Array]:
-    """The route after a turn to the left and after one to the right.
+    """Prefix a route with a turn to the left and with a turn to the right.
 
-    Obstacles are not looked at, and where the way from a circle meets the route it has a corner:
-    they are first guesses.
+    The results are first guesses: they may collide, and have a corner where the tangent from the
+    circle meets the route.
 
     Args:
-        state: whose position and heading the routes leave with.
-        points: (m, 2) of a route [m].
+        state: position and heading at which the routes leave.
+        points: (m, 2) of the route [m].
         radius: of the circles [m].
 
     Returns:
@@ -40,7 +40,7 @@ def turned(state: State, points: Array, radius: float) -> list[Array]:
         offset = points[meeting] - arc
         along = np.sum(offset * ahead, axis=1)
         across = side * (ahead[:, 0] * offset[:, 1] - ahead[:, 1] * offset[:, 0])
-        # the heading passes the meeting point: the circle has turned far enough
+        # the heading has turned past the meeting point
         if (facing := (across[:-1] > 0.0) & (across[1:] <= 0.0) & (along[1:] > 0.0)).any():
             count = int(facing.argmax()) + 2
             chord = math.dist(arc[count - 1], points[meeting])

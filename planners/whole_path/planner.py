@@ -1,4 +1,4 @@
-"""Planners of whole paths: a route to the goal, fitted with segments."""
+"""Planners of whole paths: segments fitted to a route to the goal."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import (
@@ -24,36 +25,27 @@ from planners.interface import (
     Status,
     WindowReport,
 )
-from planners.rollout import arriving, fly, over, rest
+from planners.rollout import ends_on_goal, finished, flight_plan, fly_chain, remaining_plan
 from planners.whole_path.route_fit import fit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholePath:
-    """A router's route as a flight; planned once, then tracked."""
+    """Plans a route once, fits segments to it and tracks them."""
 
     router: Router
     limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; what is left of an earlier plan is kept if it can be."""
-        if (ended := over(field, state, self.limits)) is not None:
+        """Plan from a state to the goal; a feasible rest of an earlier plan is kept."""
+        if (ended := finished(field, state, self.limits)) is not None:
             return ended
         began = time.perf_counter()
-        route: Route | None = None
-        chain = rest(field, state, self.limits) if arriving(field, state) else None
-        status, reason = Status.NOT_FITTED, ""
-        if chain is None:
-            try:
-                route = self.router.route(field, state.vehicle, seed)
-                status = status if route else Status.NO_ROUTE
-            except CrashedError as error:
-                status, reason = Status.CRASHED, str(error)
-        if route is not None:
-            chain = fit(route.points, field, state.vehicle, self.limits)
-        ahead = np.empty((0, 4, 2)) if chain is None else chain
-        control, states = fly(ahead, field, state, self.limits)
-        if chain is not None and len(control) == len(chain):
+        chain, route, status, reason = self._chain(field, state, seed)
+        steps, states = fly_chain(
+            np.empty((0, 4, 2)) if chain is None else chain, field, state, self.limits
+        )
+        if chain is not None and len(steps) == len(chain):
             status = Status.SOLVED
         report = WindowReport(
             step=state.vehicle.segments,
@@ -61,11 +53,35 @@ class WholePath:
             evaluations=0 if route is None else route.evaluations,
             seconds=time.perf_counter() - began,
         )
-        return Plan(status, control, states, [Decision(chain, report)], route, reason)
+        return dataclasses.replace(
+            flight_plan(status, steps, states),
+            decisions=[Decision(chain, report, first_step=steps[0] if steps else None)],
+            route=route,
+            reason=reason,
+        )
+
+    def _chain(
+        self, field: Field, state: State, seed: int
+    ) -> tuple[Array | None, Route | None, Status, str]:
+        """Segments (n, 4, 2) to the goal, their route, the status if they fail, and why."""
+        if ends_on_goal(field, state) and (rest := remaining_plan(field, state, self.limits)):
+            return rest[0], None, Status.NOT_FITTED, ""
+        try:
+            route = self.router.route(field, state.vehicle, seed)
+        except CrashedError as error:
+            return None, None, Status.CRASHED, str(error)
+        if route is None:
+            return None, None, Status.NO_ROUTE, ""
+        return fit(route.points, field, state.vehicle, self.limits), route, Status.NOT_FITTED, ""
 
 
 def with_seconds(planner: Planner, seconds: float | None) -> Planner:
-    """A planner whose router's budget is so many seconds; others, and for None, as they are."""
+    """Give a planner's router a budget of wall-clock time.
+
+    Args:
+        planner: any planner; one without a router that has a budget is returned unchanged.
+        seconds: the budget [s]; None leaves the planner unchanged.
+    """
     if seconds is None or not isinstance(planner, WholePath):
         return planner
     router: Any = planner.router

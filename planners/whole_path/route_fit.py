@@ -15,7 +15,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from planners.optimization.initial_guesses import along
+from planners.optimization.initial_guesses import along_route
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import ASIDE, SETTINGS, final_window
@@ -61,7 +61,7 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
             continue
         tried.add(segments)
         window = final_window(field, vehicle, limits, SETTINGS, segments)
-        on_route = along(vehicle, points, segments, whole)
+        on_route = along_route(vehicle, points, segments, whole)
         # a guess on a straight line cannot choose a side to be long enough on
         for guess in (on_route, *offset_guesses(on_route, ASIDE)):
             (end,) = SOLVER.solve(window, [guess])

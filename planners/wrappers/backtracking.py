@@ -1,10 +1,9 @@
-"""Backtracking: where a planner is stuck, the best open branch is taken.
+"""Backtracking: a planner with a guide that leads it out of dead ends.
 
-The path flown is the map of what was visited. A planner that has not come nearer to the goal for
-some segments circles among places it has visited, in a concave pocket for example. A guide that
-knows the distance to the goal then leads back to where the best way on branches off, and along
-it until the vehicle is nearer to the goal than it ever was. So no pocket holds it twice, and every
-place where the planner takes over again is nearer than the last.
+A planner that has not come nearer to the goal for some segments is circling, for example in a
+concave pocket. A guide that knows the distance to the goal then decides until the vehicle is nearer
+to the goal than ever before. Therefore no pocket traps the flight twice: each time the planner
+takes over again, it is nearer to the goal than the last time.
 
 Reference:
     The paper, section V, proposes it and leaves open how. When to leave a detour is that of
@@ -25,17 +24,17 @@ from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import fly_segment
+from ferguson_gym.world.transition import Step, fly_segment
 from planners.interface import Decision, Plan, Replanner, State
 from planners.optimization.certification import WindowSolver
-from planners.optimization.initial_guesses import along
+from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import HorizonObjective
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import ASIDE, SETTINGS, Window, WindowSettings, horizon_window
 from planners.rollout import roll_out
 
 _SAMPLES = np.linspace(1.0, 0.0, 33)
-"""Parameters of points on a segment that is flown back along."""
+"""Parameters of points on a segment flown backwards."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,14 +46,15 @@ class Backtracking:
     """
 
     planner: Replanner
-    """Decides as long as it makes progress."""
+    """Decides while it makes progress."""
     guide: Replanner
-    """Decides where that is stuck."""
+    """Decides while the planner makes no progress or finds no chain."""
     patience: int = 3
-    """Segments that need not lead nearer to the goal."""
+    """Number of segments without progress after which the guide decides."""
     stride: float = 11.0
-    """Length of segments at first, where both are stuck and the vehicle flies back [m]."""
+    """Segment length of first guesses where both fail and the vehicle flies back [m]."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
+    """Solves the windows that lead back."""
     settings: WindowSettings = SETTINGS
 
     def __post_init__(self) -> None:
@@ -63,7 +63,7 @@ class Backtracking:
 
     @property
     def limits(self) -> Limits:
-        """What a segment may be."""
+        """Bounds on a segment."""
         return self.planner.limits
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
@@ -71,38 +71,39 @@ class Backtracking:
         return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it."""
+        """Decide the next segment, and the segments meant to follow it."""
         began = time.perf_counter()
-        if idle(field, state) < self.patience:
+        if segments_without_progress(field, state) < self.patience:
             decision = self.planner.decide(field, state, seed)
             if decision.chain is not None:
                 return decision
         decision = self.guide.decide(field, state, seed)
-        chain, start = decision.chain, decision.report.start
-        if chain is None and (chain := self._back(field, state)) is not None:
-            start = "back"
-        seconds = time.perf_counter() - began
-        return Decision(chain, dataclasses.replace(decision.report, start=start, seconds=seconds))
+        chain, step, start = decision.chain, decision.first_step, decision.report.start
+        if chain is None and (back := self._back(field, state)) is not None:
+            (chain, step), start = back, "back"
+        report = dataclasses.replace(
+            decision.report, start=start, seconds=time.perf_counter() - began
+        )
+        return Decision(chain, report, first_step=step)
 
-    def _back(self, field: Field, state: State) -> Array | None:
-        """A chain (n, 4, 2) back along the path flown; None if there is none."""
+    def _back(self, field: Field, state: State) -> tuple[Array, Step] | None:
+        """A chain (n, 4, 2) back along the path flown, and its first segment as flown."""
         if len(state.flown) == 0:
             return None
         for window, guess in self._ways_back(field, state):
             (end,) = self.solver.solve(window, [guess])
-            if (
-                end.feasible
-                and fly_segment(field, state.vehicle, end.control[0], self.limits).flown
-            ):
-                return end.control
+            if end.feasible:
+                step = fly_segment(field, state.vehicle, end.control[0], self.limits)
+                if step.flown:
+                    return end.control, step
         return None
 
     def _ways_back(self, field: Field, state: State) -> Iterator[tuple[Window, Array]]:
-        """Windows towards places visited, and guesses along the path flown and beside it."""
+        """Windows towards visited points, with guesses along the path flown and beside it."""
         vehicle = state.vehicle
         points = evaluate(state.flown[::-1], _SAMPLES).reshape(-1, 2)
         for segments in (1, 2):
-            guess = along(vehicle, points, segments, segments * self.stride)
+            guess = along_route(vehicle, points, segments, segments * self.stride)
             toward = HorizonObjective(vehicle.position, guess[-1, 1], self.settings.alpha)
             window = horizon_window(field, vehicle, self.limits, self.settings, segments)
             window = dataclasses.replace(window, objective=toward)
@@ -110,8 +111,8 @@ class Backtracking:
                 yield window, turn
 
 
-def idle(field: Field, state: State) -> int:
-    """Segments flown since the vehicle was nearest to the goal."""
+def segments_without_progress(field: Field, state: State) -> int:
+    """Number of segments flown since the vehicle was nearest to the goal."""
     visited = np.vstack([state.flown[:, 0], state.vehicle.position])
     distance = np.linalg.norm(visited - field.goal, axis=-1)
     return len(visited) - 1 - int(distance.argmin())

@@ -1,8 +1,8 @@
-"""A limited sensing range: a planner that is shown only the obstacles seen so far.
+"""A limited sensing range: a planner that knows only the obstacles sensed so far.
 
-What it decides over these is optimistic: unknown space counts as free. Whenever an obstacle
-appears, the planner sees another field, in which its distance to go and the rest of its plan are
-judged anew.
+Its decisions are optimistic: unknown space counts as free. When an obstacle comes into range, the
+planner is given another field, in which the distance to the goal and the rest of its plan are
+computed and certified again.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ class Sensing:
     """A planner that knows the obstacles within a range of where the vehicle has been.
 
     A range of at least the longest segment makes every decision safe: no point of the next
-    segment is farther from the vehicle than that, so that an obstacle it could cut into is
-    known. Later segments of a window may lead into the unknown; they are decided again. A segment
-    that ends too near the unknown to turn there is flown by halves, slower, where that can be.
+    segment is farther away than that, so that every obstacle it could cut into is known. Later
+    segments of a window may lead into unknown space; they are decided again. A segment that ends
+    too near unknown space to turn there is split into two slower halves if both are feasible.
 
     Raises:
         ValueError: a range below the longest segment.
     """
 
     planner: Replanner
-    """Decides over what is known."""
+    """Decides among the known obstacles."""
     reach: float
     """The sensing range [m], from the path flown to an obstacle's boundary."""
 
@@ -50,15 +50,15 @@ class Sensing:
 
     @property
     def limits(self) -> Limits:
-        """What a segment may be."""
+        """Bounds on a segment."""
         return self.planner.limits
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal, discovering the field on the way."""
+        """Plan from a state to the goal, sensing the field on the way."""
         return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it, over what is known."""
+        """Decide the next segment, and the segments meant to follow it, among known obstacles."""
         began = time.perf_counter()
         seen = known(field, state, self.reach)
         decision = self.planner.decide(seen, state, seed)
@@ -69,12 +69,13 @@ class Sensing:
             if flown and is_feasible(halves[1], seen, self.limits):
                 chain = np.concatenate([halves, chain[1:]])
         report = replace(decision.report, seconds=time.perf_counter() - began)
-        return replace(decision, chain=chain, report=report, known=seen)
+        # the planner's certificate holds among known obstacles: the rollout certifies in the field
+        return replace(decision, chain=chain, report=report, known=seen, first_step=None)
 
     def _leaves_room(self, field: Field, segment: Array) -> bool:
-        """Whether there is room to turn between the end of a segment and what is not seen yet.
+        """Whether there is room to turn between the end of a segment (4, 2) and unknown space.
 
-        A curve overshoots by 4/27 of the derivative it starts with before it comes back.
+        A segment that returns to its start overshoots by 4/27 of its start derivative.
         """
         start, end, _, derivative = segment
         if np.array_equal(end, field.goal):
@@ -90,16 +91,21 @@ def _halved(segment: Array) -> Array:
     way = np.concatenate([[0.0], np.cumsum(steps)])
     middle = float(np.interp(0.5 * way[-1], way, t))
     first, second = subdivide(segment, middle)
-    # derivatives go on: the vehicle's is what it is, and the plan's end is kept
+    # the derivatives at both ends of the segment are kept, so that the chain stays C1
     first[2], second[2], second[3] = segment[2], first[3], segment[3]
     return np.stack([first, second])
 
 
 def known(field: Field, state: State, reach: float) -> Field:
-    """The field with the obstacles within a range of where the vehicle is and of its path.
+    """The field with only those obstacles within a range of the vehicle or of its path.
 
-    Distances are certified: an obstacle counts at most 1e-7 m before it is in range. As long as
-    nothing new comes into range it is the same object.
+    Distances are certified: an obstacle counts at most 1e-7 m before it is in range. The result is
+    the same object until another obstacle comes into range.
+
+    Args:
+        field: the whole field.
+        state: the vehicle and the path flown.
+        reach: the sensing range [m].
     """
     near = field.obstacles.signed_distance(state.vehicle.position) <= reach
     clearance, _ = field.obstacles.closest(state.flown)

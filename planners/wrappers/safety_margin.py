@@ -1,8 +1,7 @@
-"""A margin: a planner that is shown obstacles grown by some metres, and so keeps away from them.
+"""A safety margin: a planner that plans among obstacles grown by some metres.
 
-What it decides there is feasible in the field as it is, with room to spare. Learners that copy it
-with small errors survive them. Where no way is left between the grown obstacles, the margin
-shrinks, and at last there is none.
+Its decisions keep that clearance in the real field, so that learners may copy them with small
+errors. Where the grown obstacles leave no path, the margin shrinks, in the end to zero.
 """
 
 from __future__ import annotations
@@ -21,9 +20,9 @@ from planners.interface import Decision, Plan, Replanner, State
 from planners.rollout import roll_out
 
 PARTS = (1.0, 0.4, 0.0)
-"""Of the margin, tried one after the other."""
-_HAIR = 1e-6
-"""Distance [m] that is left between an obstacle grown and what must not lie in it."""
+"""Parts of the margin, tried in turn."""
+_OUTSIDE = 1e-6
+"""Least distance of vehicle, start and goal from a grown obstacle [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,13 +30,13 @@ class Margin:
     """A planner that keeps a distance from obstacles where it can.
 
     Raises:
-        ValueError: a margin that is not finite or not above 0.
+        ValueError: a margin that is not positive and finite.
     """
 
     planner: Replanner
     """Decides among the grown obstacles."""
     margin: float
-    """Distance to keep [m]."""
+    """Distance to keep from obstacles [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.margin < math.inf:
@@ -45,7 +44,7 @@ class Margin:
 
     @property
     def limits(self) -> Limits:
-        """What a segment may be."""
+        """Bounds on a segment."""
         return self.planner.limits
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
@@ -53,26 +52,30 @@ class Margin:
         return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and what is meant to follow it."""
+        """Decide the next segment, and the segments meant to follow it."""
         began = time.perf_counter()
         for part in PARTS:
             shown = grown(field, state, part * self.margin)
             decision = self.planner.decide(shown, state, seed)
-            chain = decision.chain
-            if chain is not None and fly_segment(field, state.vehicle, chain[0], self.limits).flown:
+            chain, step = decision.chain, decision.first_step
+            if chain is not None and (step is None or shown is not field):
+                # the planner's certificate holds among grown obstacles
+                step = fly_segment(field, state.vehicle, chain[0], self.limits)
+            if step is not None and step.flown:
                 break
         report = replace(decision.report, seconds=time.perf_counter() - began)
-        return replace(decision, report=report)
+        return replace(decision, report=report, first_step=step)
 
 
 def grown(field: Field, state: State, margin: float) -> Field:
     """The field with its obstacles grown by a margin [m].
 
-    None grows so far that the vehicle, the start or the goal would lie in it. The same object
-    as long as obstacles grow alike: planners may know a field by its identity.
+    An obstacle grows by less where it would contain the vehicle, the start or the goal. While all
+    obstacles grow by the same amounts the result is the same object, since planners cache what they
+    compute by a field's identity.
     """
     free = np.stack([state.vehicle.position, field.start, field.goal])
-    room = field.obstacles.signed_distance(free).min(axis=0) - _HAIR
+    room = field.obstacles.signed_distance(free).min(axis=0) - _OUTSIDE
     by = np.clip(room, 0.0, margin)
     return _grown(field, by.tobytes()) if by.any() else field
 

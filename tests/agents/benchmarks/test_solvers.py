@@ -13,7 +13,7 @@ from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import initial_state
-from planners.optimization.initial_guesses import straight
+from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.ipopt import Ipopt
 from planners.optimization.reference.slsqp import Slsqp
@@ -116,7 +116,7 @@ def test_ipopt_and_slsqp_reach_the_same_minimum() -> None:
     discs = Discs([[9.0, 7.0]], [2.0])
     field = Field(name="easy", obstacles=discs, goal=np.array([20.0, 20.0]))
     window = final_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
-    guess = straight(initial_state(field), 3, PAPER_LIMITS)
+    guess = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     ends = [ByExchange(solver).solve(window, [guess])[0] for solver in (Ipopt(), Slsqp())]
     assert all(end.feasible for end in ends)
     ipopt, slsqp = (end.solution.objective for end in ends)

@@ -10,7 +10,7 @@ from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.transition import initial_state
 from planners.optimization.constraints import ClearanceAt, InsideAt, SpeedAt
-from planners.optimization.initial_guesses import random_chains, straight
+from planners.optimization.initial_guesses import random_chains, straight_ahead
 from planners.optimization.nonlinear_program import Problem
 from planners.optimization.reference.complex_step import ByComplexStep, ComplexStep, complex_step
 from planners.optimization.reference.slsqp import Slsqp
@@ -87,7 +87,7 @@ def test_unknowns_and_control_are_inverse() -> None:
 
 def test_the_solver_finds_the_same_minimum_with_either_gradient() -> None:
     problem = horizon_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
-    guess = problem.chain.unknowns(straight(initial_state(FIELD), 3, PAPER_LIMITS))
+    guess = problem.chain.unknowns(straight_ahead(initial_state(FIELD), 3, PAPER_LIMITS))
     analytic = Slsqp().solve(problem, guess)
     stepped = ByComplexStep(Slsqp()).solve(problem, guess)
     assert analytic.converged

@@ -15,7 +15,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import Plan, State, Status, initial_state
 from planners.optimization.certification import AIM
-from planners.optimization.initial_guesses import nothing, random_chains, shifted, straight
+from planners.optimization.initial_guesses import no_guess, random_chains, shifted, straight_ahead
 from planners.optimization.reference.exchange import ByExchange, broken_rows
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.window import WindowSettings, final_window, horizon_window
@@ -183,7 +183,7 @@ def test_exchange_closes_what_samples_miss() -> None:
     window = horizon_window(
         field, transition.initial_state(field), PAPER_LIMITS, WindowSettings(), 3
     )
-    guess = straight(transition.initial_state(field), 3, PAPER_LIMITS)
+    guess = straight_ahead(transition.initial_state(field), 3, PAPER_LIMITS)
     problem = window.sampled()
     sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
     assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
@@ -218,7 +218,7 @@ def test_certification_names_the_row_that_is_broken(
 
 def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
     vehicle = transition.initial_state(OPEN)
-    chain = straight(vehicle, 3, PAPER_LIMITS)
+    chain = straight_ahead(vehicle, 3, PAPER_LIMITS)
     guess = shifted(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
     np.testing.assert_array_equal(guess[:2], chain[1:])
     np.testing.assert_array_equal(guess[2], chain[2][[1, 1, 3, 3]])
@@ -245,7 +245,7 @@ def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> 
     every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
     within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
     assert 0 < within < 50
-    guess = straight(vehicle, 3, PAPER_LIMITS)
+    guess = straight_ahead(vehicle, 3, PAPER_LIMITS)
     assert len(near.c(near.chain.unknowns(guess))) == 6 + 3 * 29 * within
     assert len(every.c(every.chain.unknowns(guess))) == 6 + 3 * 29 * 50
 
@@ -273,14 +273,15 @@ def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
     names = [[name for name, _ in batch] for batch in batches]
     drawn = [f"random {k}" for k in range(1, 5)]
     assert names == [["straight", *drawn], drawn, drawn]
-    np.testing.assert_array_equal(batches[0][0][1], straight(state.vehicle, 3, PAPER_LIMITS))
+    np.testing.assert_array_equal(batches[0][0][1], straight_ahead(state.vehicle, 3, PAPER_LIMITS))
     randoms = np.array([guess for batch in batches for name, guess in batch if name in drawn])
     assert window.admits(randoms).all()
     assert len({guess.tobytes() for guess in randoms}) == len(randoms)
     again = [guess for batch in planner.starts(window, state, 7) for _, guess in batch]
     np.testing.assert_array_equal(again[1:5], randoms[:4])
     flown = State(
-        transition.State(field.start, field.departure, 1), straight(state.vehicle, 2, PAPER_LIMITS)
+        transition.State(field.start, field.departure, 1),
+        straight_ahead(state.vehicle, 2, PAPER_LIMITS),
     )
     ((name, guess), *_), *_ = planner.starts(window, flown, 7)
     assert name == "shifted"
@@ -311,7 +312,7 @@ def test_without_random_starts_there_is_one() -> None:
 
 def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
     field = get_field("sparse/train:0")
-    planner = RecedingHorizon(first_guess=nothing, random_starts=1, draws=100, redraws=())
+    planner = RecedingHorizon(first_guess=no_guess, random_starts=1, draws=100, redraws=())
     state = initial_state(field)
     window = planner.window(field, state.vehicle)
     batches = list(planner.starts(window, state, 0))
@@ -322,7 +323,7 @@ def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
 
 
 def test_without_any_guess_no_way_on_is_found() -> None:
-    planner = RecedingHorizon(first_guess=nothing, random_starts=0)
+    planner = RecedingHorizon(first_guess=no_guess, random_starts=0)
     decision = planner.decide(OPEN, initial_state(OPEN), 0)
     assert decision.chain is None
     assert decision.report.starts == 0
@@ -375,7 +376,7 @@ def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
 
 def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
     vehicle = transition.initial_state(OPEN)
-    chain = straight(vehicle, 3, PAPER_LIMITS)
+    chain = straight_ahead(vehicle, 3, PAPER_LIMITS)
     # the shifted plan ends in a segment without length: no start is feasible
     state = State(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:])
     decision = RecedingHorizon(random_starts=0, deadline=1e-9).decide(OPEN, state, 0)

@@ -15,7 +15,7 @@ from planners.interface import Decision, Plan, State, Status, WindowReport, init
 from planners.receding_horizon.guided import Guided
 from planners.registry import make, named
 from planners.rollout import roll_out
-from planners.wrappers.backtracking import Backtracking, idle
+from planners.wrappers.backtracking import Backtracking, segments_without_progress
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 
@@ -41,11 +41,15 @@ def visiting(*points: tuple[float, float]) -> State:
     return State(transition.State(knots[-1], steps[-1], len(steps)), flown=flown)
 
 
-def test_idle_counts_segments_since_the_nearest_place() -> None:
-    assert idle(OPEN, initial_state(OPEN)) == 0
-    assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18))) == 0
-    assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (8, 18))) == 2
-    assert idle(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (19, 18))) == 0
+def test_progress_counts_segments_since_the_nearest_place() -> None:
+    assert segments_without_progress(OPEN, initial_state(OPEN)) == 0
+    assert segments_without_progress(OPEN, visiting((0, 0), (9, 9), (18, 18))) == 0
+    assert (
+        segments_without_progress(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (8, 18))) == 2
+    )
+    assert (
+        segments_without_progress(OPEN, visiting((0, 0), (9, 9), (18, 18), (9, 18), (19, 18))) == 0
+    )
 
 
 @pytest.mark.parametrize("name", ["multi-start", "single-start"])
@@ -64,7 +68,7 @@ def test_the_paper_s_planner_is_led_out_of_a_pocket() -> None:
     plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     guided = [decision.report.start.startswith("class") for decision in plan.decisions]
-    waited = [idle(field, state) for state in plan.states[: len(guided)]]
+    waited = [segments_without_progress(field, state) for state in plan.states[: len(guided)]]
     assert any(guided)
     assert not guided[0]
     # the guide leads where the planner is stuck, and only there

@@ -10,7 +10,7 @@ from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State, initial_state
-from planners.optimization.initial_guesses import straight
+from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
 from planners.optimization.sqp.elastic_sqp import _layout
@@ -119,7 +119,7 @@ def test_steps_in_the_papers_fields_are_optimal(number: int, final: bool, radius
         vehicle = State(field.goal - [22.0, 20.0], np.array([7.0, 6.0]))
     make = final_window if final else horizon_window
     window = make(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
-    guess = window.chain.unknowns(straight(vehicle, 3, PAPER_LIMITS))
+    guess = window.chain.unknowns(straight_ahead(vehicle, 3, PAPER_LIMITS))
     taken = step(window, guess, radius)
     assert_within_bounds(taken)
     before, after = taken.lacks
@@ -149,7 +149,7 @@ def test_rows_that_cannot_be_satisfied_are_broken_less() -> None:
     disc = Discs([[20.0, 50.0]], [10.0])
     field = Field(name="deep", obstacles=disc, start=[9.0, 50.0], start_derivative=[5.0, 0.0])
     window = horizon_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
-    chain = straight(initial_state(field), 3, PAPER_LIMITS)
+    chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     taken = step(window, window.chain.unknowns(chain), 0.5)
     assert_within_bounds(taken)
     before, after = taken.lacks

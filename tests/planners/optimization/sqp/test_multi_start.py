@@ -21,7 +21,7 @@ from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State, initial_state
 from planners import interface
 from planners.optimization.certification import AIM, Certified, WindowSolver
-from planners.optimization.initial_guesses import straight
+from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.sqp.elastic_sqp import (
@@ -181,7 +181,7 @@ def test_a_pin_between_samples_is_kept_clear_of(solver: str, at: float) -> None:
     radius = 0.02
     field = Field(name="pin", obstacles=Discs([[at, at]], [radius]))
     window = window_from(field)
-    guess = straight(initial_state(field), 3, PAPER_LIMITS)
+    guess = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     ends = SOLVERS[solver].solve(window, [guess])
     assert best(ends) < math.inf
     for end in ends:
@@ -200,7 +200,7 @@ def test_a_goal_within_reach_is_reached_exactly(distance: float, disc: bool) -> 
     vehicle = State(position, np.array([4.0, 4.0]))
     segments = max(1, min(3, int(distance / 3.0)))
     window = window_from(field, vehicle, segments)
-    (end,) = MultiStart().solve(window, [straight(vehicle, segments, PAPER_LIMITS)])
+    (end,) = MultiStart().solve(window, [straight_ahead(vehicle, segments, PAPER_LIMITS)])
     assert_honest(window, end)
     assert end.feasible
     assert end.solution.converged
@@ -218,8 +218,8 @@ def test_limits_hold_for_the_certified_length_and_the_whole_curve(
     make_window = final_window if final else horizon_window
     window = make_window(field, initial_state(field), some, WindowSettings(), 3)
     guesses = [
-        straight(initial_state(field), 3, some),
-        straight(initial_state(field), 3, PAPER_LIMITS),
+        straight_ahead(initial_state(field), 3, some),
+        straight_ahead(initial_state(field), 3, PAPER_LIMITS),
     ]
     ends = MultiStart().solve(window, guesses)
     assert best(ends) < math.inf
@@ -266,13 +266,13 @@ def test_other_obstacles_than_discs_are_refused() -> None:
         """Not discs."""
 
     window = dataclasses.replace(window_from(OPEN), obstacles=Walls())
-    guess = straight(initial_state(OPEN), 3, PAPER_LIMITS)
+    guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
     with pytest.raises(TypeError, match=r"discs, not Walls; planners\.exchange\.ByExchange"):
         MultiStart().solve(window, [guess])
 
 
 def test_a_guess_that_is_not_a_number_is_refused() -> None:
-    guess = straight(initial_state(OPEN), 3, PAPER_LIMITS)
+    guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
     guess[1, 3, 0] = math.nan
     with pytest.raises(ValueError, match="a guess must be finite"):
         MultiStart().solve(window_from(OPEN), [guess])
@@ -281,7 +281,7 @@ def test_a_guess_that_is_not_a_number_is_refused() -> None:
 def test_certification_adds_the_contacts_it_finds_broken() -> None:
     field = Field(name="two", obstacles=Discs([[4.7, 4.7], [30.0, 5.0]], [0.5, 1.0]))
     window = window_from(field)
-    chain = straight(initial_state(field), 3, PAPER_LIMITS)
+    chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     search = Search(ElasticSqp(), window, math.inf)
     trail = SearchState(window.chain.unknowns(chain), search.fresh, status=CONVERGED)
     assert search.join(trail, chain)
@@ -297,7 +297,7 @@ def test_certification_adds_the_contacts_it_finds_broken() -> None:
 
 
 def test_a_sidestep_leans_to_both_sides_and_keeps_the_start() -> None:
-    chain = straight(initial_state(OPEN), 3, PAPER_LIMITS)
+    chain = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
     for side, sign in zip(offset_guesses(chain, 8.0), (-1.0, 1.0), strict=True):
         np.testing.assert_array_equal(side[0, (0, 2)], chain[0, (0, 2)])
         np.testing.assert_allclose(side[1:, (0, 2)], side[:-1, (1, 3)], atol=1e-12)
@@ -345,6 +345,8 @@ def test_ten_thousand_windows_end_honestly() -> None:
     for _ in range(10_000):
         case = random_case(stream)
         window, guess = case.draw()
-        usual = straight(State(guess[0, 0], np.array([3.0, 4.0])), case.segments, PAPER_LIMITS)
+        usual = straight_ahead(
+            State(guess[0, 0], np.array([3.0, 4.0])), case.segments, PAPER_LIMITS
+        )
         feasible += any(end.feasible for end in assert_robust(window, [guess, usual]))
     assert feasible > 500
