@@ -26,7 +26,7 @@ from agents.flights.flight import fly
 from agents.models import shipped_agents
 from agents.policies.interface import Policy
 from agents.policies.network_policy import network_policy
-from agents.policies.planner_policies import expert
+from agents.policies.planner_policies import planner_policy
 from agents.policies.registry import make_policy
 from agents.policies.warm_up import warm_policy
 from agents.runtime.terminal import Terminal
@@ -77,7 +77,7 @@ def main() -> None:
             each = (time.process_time() - began) / len(fields)
             arrived = sum(flight.success for flight in flights)
             rows.append((f"{name}, in batches", [each] * len(fields), arrived))
-    reference = expert(RecedingHorizon(solver=ByExchange(Slsqp())))
+    reference = planner_policy(RecedingHorizon(solver=ByExchange(Slsqp())))
     rows.append((SLOW, *cost(reference, SLOW, fields[: given.slow])))
     slow = float(np.median(rows[-1][1]))
     table = Table("policy", "flights", "arrived", "ms a flight, median", "90 %", f"{SLOW} takes")

@@ -24,7 +24,7 @@ from agents.flights.flight import Flight, fly_by_name
 from agents.models import loading, shipped_agents
 from agents.models.model import Model
 from agents.policies.lookahead import LASTING, SPREAD
-from agents.policies.registry import plain_agent
+from agents.policies.spec import PolicySpec
 from ferguson_gym.curves.path import Path as Flown
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
@@ -119,7 +119,7 @@ def _imagination(axes: Axes, flown: Flight) -> None:
     """What the agent sees from where it is, and how it might go on."""
     field = flown.field
     _begin(axes, flown, "The agent: what it sees and imagines")
-    place = shipped_agents.find(plain_agent(AGENT))
+    place = shipped_agents.find(PolicySpec.parse(AGENT).agent)
     assert place is not None
     model = loading.load(place)
     last = flown.control[LATER - 1]

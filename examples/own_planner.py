@@ -20,7 +20,7 @@ import numpy as np
 
 from agents.flights.flight import Flight, fly
 from agents.policies.interface import Policy
-from agents.policies.planner_policies import expert
+from agents.policies.planner_policies import planner_policy
 from agents.policies.registry import make_policy
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
@@ -92,7 +92,10 @@ def row(flights: list[Flight]) -> str:
 
 def main(fields: str, beside: list[str]) -> None:
     """Compare and print the table."""
-    policies = {"shooting": expert(Shooting()), **{name: make_policy(name) for name in beside}}
+    policies = {
+        "shooting": planner_policy(Shooting()),
+        **{name: make_policy(name) for name in beside},
+    }
     flights = compare(policies, list(get_fields(fields)))
     print(f"{fields:20}arrived   gap, median     worst     a flight")
     for name in policies:

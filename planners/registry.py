@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
@@ -113,22 +114,125 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
 
 
 OPTIONS = "NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES, NAME+sensing=METRES or several"
-"""How a planner's name carries options, for people."""
-_ORDER = ("turn", "backtrack", "margin", "sensing")
-"""From the planner outwards: what backtracks keeps the margin, and neither knows more than is
-sensed."""
+"""The options that a planner's name may carry, as shown to users."""
+_METRES = {"turn": "a turn radius", "margin": "a margin", "sensing": "a sensing range"}
+"""Options with a value in metres, and what each sets."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannerSpec:
+    """The parts of a planner's name: the planner and its options.
+
+    The options are applied from the planner outwards, in the order of the fields: a planner that
+    backtracks keeps the margin, and neither knows more than is sensed.
+
+    Example:
+        >>> spec = PlannerSpec.parse("multi-start+sensing=20.0+backtrack")
+        >>> spec.sensing, str(spec)
+        (20.0, 'multi-start+backtrack+sensing=20')
+    """
+
+    name: str
+    """A key of `PLANNERS`."""
+    turn: float | None = None
+    """Turn radius to keep [m]."""
+    backtrack: bool = False
+    """Whether the planner is led out of dead ends."""
+    margin: float | None = None
+    """Distance to keep from obstacles where possible [m]."""
+    sensing: float | None = None
+    """Range within which obstacles become known [m]."""
+
+    @classmethod
+    def parse(cls, text: str) -> PlannerSpec:
+        """Split a planner's name into its parts.
+
+        Raises:
+            ValueError: the planner or an option is unknown, an option is repeated, or a value is
+                not a number.
+        """
+        name, *options = text.split("+")
+        if name not in PLANNERS:
+            near = did_you_mean(name, PLANNERS)
+            raise ValueError(f"unknown planner {name!r}{near}; planners are {', '.join(PLANNERS)}")
+        spec = cls(name=name)
+        for option in options:
+            label, _, value = option.partition("=")
+            if label in _METRES:
+                spec = spec.with_options(**{label: _metres(label, value)})
+            elif option == "backtrack":
+                spec = spec.with_options(backtrack=True)
+            else:
+                near = did_you_mean(label, [*_METRES, "backtrack"])
+                raise ValueError(
+                    f"unknown option {option!r} of planner {name!r}{near}; need {OPTIONS}"
+                )
+        return spec
+
+    def with_options(self, **options: Any) -> PlannerSpec:
+        """This planner with further options; those that are None or False change nothing.
+
+        Raises:
+            ValueError: the name carries one of them already.
+        """
+        added = {label: value for label, value in options.items() if _is_set(value)}
+        for label in added:
+            if _is_set(getattr(self, label)):
+                raise ValueError(f"planner {str(self)!r} carries an option twice: {label}")
+        return replace(self, **added)
+
+    def __str__(self) -> str:
+        """The canonical name."""
+        return self.name + "".join(
+            f"+{label}" if value is True else f"+{label}={str(value).removesuffix('.0')}"
+            for label in ("turn", "backtrack", "margin", "sensing")
+            if _is_set(value := getattr(self, label))
+        )
+
+    def make(self) -> Planner:
+        """The planner itself.
+
+        Raises:
+            ValueError: its library is not installed, or an option does not fit the planner or has
+                a value out of its range.
+        """
+        planner = PLANNERS[self.name]()
+        if self.turn is not None:
+            if self.backtrack or self.sensing is not None:
+                raise ValueError(
+                    f"planner {str(self)!r}: a turn radius is not kept where a planner backtracks "
+                    "or senses; leave one out"
+                )
+            if not isinstance(planner, Guided):
+                raise ValueError(f"planner {self.name!r} keeps no turn radius; guided does")
+            planner = replace(planner, min_turn_radius=self.turn)
+        if self.backtrack:
+            planner = Backtracking(planner=self._replanner(planner, "backtrack"), guide=Guided())
+        if self.margin is not None:
+            planner = Margin(planner=self._replanner(planner, "margin"), margin=self.margin)
+        if self.sensing is not None:
+            planner = Sensing(planner=self._replanner(planner, "sensing"), reach=self.sensing)
+        return planner
+
+    def _replanner(self, planner: Planner, option: str) -> Replanner:
+        if not isinstance(planner, Replanner):
+            raise ValueError(
+                f"planner {self.name!r} plans its whole path at once and has no option {option}; "
+                "single-start, multi-start, guided and pursuit do"
+            )
+        return planner
 
 
 def make(name: str) -> Planner:
     """The planner of this name, with the options that it carries.
 
-    `guided+turn=3` keeps a turn radius of 3 m, `guided+sensing=20` knows the obstacles within
-    20 m of where it has been, `multi-start+backtrack` is led out of the dead ends that it is
-    caught in, `guided+margin=0.5` keeps half a metre from obstacles where it can.
+    `guided+turn=3` keeps a turn radius of 3 m; `guided+sensing=20` knows the obstacles within
+    20 m of where it has been; `multi-start+backtrack` is led out of dead ends;
+    `guided+margin=0.5` keeps half a metre from obstacles where it can.
 
     Raises:
-        ValueError: there is none, its library is not installed, or an option is unknown, does
-            not fit the planner or has a value that it refuses.
+        ValueError: the planner or an option is unknown, the planner's library is not installed,
+            or an option does not fit the planner or has a value out of its range.
 
     Example:
         >>> from ferguson_gym.world.field_names import get_field
@@ -138,39 +242,19 @@ def make(name: str) -> Planner:
         >>> plan.status.sentence
         'found a feasible path to the goal'
     """
-    plain, *options = name.split("+")
-    if plain not in PLANNERS:
-        near = did_you_mean(plain, PLANNERS)
-        raise ValueError(f"unknown planner {plain!r}{near}; planners are {', '.join(PLANNERS)}")
-    planner = PLANNERS[plain]()
-    labels = [option.partition("=")[0] for option in options]
-    if len(set(labels)) < len(labels):
-        raise ValueError(f"planner {name!r} carries an option twice")
-    if "turn" in labels and {"backtrack", "sensing"} & set(labels):
-        raise ValueError(
-            f"planner {name!r}: a turn radius is not kept where a planner backtracks or senses; "
-            "leave one out"
-        )
-    if unknown := [option for option in options if not _is_known(option)]:
-        near = did_you_mean(unknown[0].partition("=")[0], _ORDER)
-        raise ValueError(
-            f"unknown option {unknown[0]!r} of planner {plain!r}{near}; need {OPTIONS}"
-        )
-    for option in sorted(options, key=lambda option: _ORDER.index(option.partition("=")[0])):
-        planner = _with_option(planner, plain, option)
-    return planner
+    return PlannerSpec.parse(name).make()
 
 
 def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
     """A planner whose windows start from proposals.
 
     Args:
-        planner: of the paper's kind, whatever its options.
+        planner: single-start or multi-start, with backtracking or limited sensing or without.
         proposer: proposes the starts.
-        name: of the planner, for people.
+        name: of the planner, for errors.
 
     Raises:
-        ValueError: the planner has no starts to choose.
+        ValueError: the planner takes no starts.
     """
     if isinstance(planner, RecedingHorizon):
         return replace(planner, proposer=proposer)
@@ -183,49 +267,12 @@ def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
     )
 
 
-def named(
-    plain: str,
-    backtrack: bool,
-    sensing: float | None,
-    turn: float | None,
-    proposer: str | None = None,
-) -> str:
-    """The name of a planner with these options; sensing range and turn radius are in m.
-
-    A proposer, a policy's name, comes last, since it may carry options of its own.
-    """
-    name = plain + "+backtrack" * backtrack
-    for label, value in (("sensing", sensing), ("turn", turn)):
-        if value is not None:
-            name += f"+{label}={str(value).removesuffix('.0')}"
-    return name if proposer is None else f"{name}+from={proposer}"
+def _is_set(value: object) -> bool:
+    return value is not None and value is not False
 
 
-def _is_known(option: str) -> bool:
-    label = option.partition("=")[0]
-    return label in _ORDER and (label != "backtrack" or option == label)
-
-
-def _with_option(planner: Planner, plain: str, option: str) -> Planner:
-    label, _, value = option.partition("=")
-    if label == "turn":
-        if not isinstance(planner, Guided):
-            raise ValueError(f"planner {plain!r} keeps no turn radius; guided does")
-        return replace(planner, min_turn_radius=_metres("a turn radius", value))
-    if not isinstance(planner, Replanner):
-        raise ValueError(
-            f"planner {plain!r} plans its whole path at once and has no option {label}; "
-            "single-start, multi-start, guided and pursuit do"
-        )
-    if label == "backtrack":
-        return Backtracking(planner=planner, guide=Guided())
-    if label == "margin":
-        return Margin(planner=planner, margin=_metres("a margin", value))
-    return Sensing(planner=planner, reach=_metres("a sensing range", value))
-
-
-def _metres(what: str, value: str) -> float:
+def _metres(label: str, value: str) -> float:
     try:
         return float(value)
     except ValueError:
-        raise ValueError(f"{what} is a number of metres, got {value!r}") from None
+        raise ValueError(f"{_METRES[label]} is a number of metres, got {value!r}") from None

@@ -61,10 +61,11 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.plots.animation.animation import animate
     from agents.plots.animation.gif import SUFFIX
     from agents.plots.flight_grid import check_target
-    from agents.policies.registry import is_planner, make_policy
+    from agents.policies.registry import make_policy
+    from agents.policies.spec import PolicySpec
 
     make_policy(options.policy)  # refuses unknown names
-    if not is_planner(options.policy):
+    if not PolicySpec.parse(options.policy).is_planner:
         raise ValueError(
             f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
             f"plans nothing; planners are {', '.join(PLANNERS)}"

@@ -12,7 +12,7 @@ from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.transition import initial_state
-from planners.registry import OPTIONS, PLANNERS, named
+from planners.registry import OPTIONS, PLANNERS
 
 NO_PATH = 1
 HELP = "plan one field"
@@ -91,25 +91,24 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.cli.compile_notice import announce_compilation
     from agents.models import shipped_agents
     from agents.plots.flight_grid import check_target
-    from agents.policies.registry import is_planner, make_planner, plain_agent
+    from agents.policies.registry import make_planner
+    from agents.policies.spec import PolicySpec
     from agents.policies.warm_up import warm
 
-    if (
-        not is_planner(options.planner)
-        and shipped_agents.find(plain_agent(options.planner)) is not None
-    ):
+    agents = PolicySpec.parse(options.planner).agents
+    if any(shipped_agents.find(agent) for agent in agents):
         raise ValueError(
             f"{options.planner!r} is an agent, which plans nothing; fly it by ferguson evaluate "
             f"--policy {options.planner} --fields {options.field} --out DIR"
         )
-    name = named(
-        options.planner,
-        options.backtrack,
-        options.sensing_range,
-        options.turn_radius,
-        options.start_from,
+    spec = PolicySpec.parse_planner(options.planner).with_options(
+        backtrack=options.backtrack,
+        sensing=options.sensing_range,
+        turn=options.turn_radius,
+        start_from=options.start_from,
     )
-    make_planner(name)  # refuses unknown names, and options that do not fit
+    name = str(spec)
+    make_planner(spec)  # raises if an option does not fit
     field = get_field(options.field)
     initial_state(field)  # refuses what cannot be flown
     if options.plot is not None:

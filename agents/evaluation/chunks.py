@@ -18,7 +18,7 @@ from agents.evaluation import provenance, records
 from agents.evaluation.records import Pack, Record, Trace, record_of, trace_of
 from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
 from agents.flights.flight import Flight, fly_by_name
-from agents.policies.registry import plain_agent
+from agents.policies.spec import PolicySpec
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels, small_field
 
@@ -128,7 +128,7 @@ def _batch(task: Task) -> list[tuple[Record, Trace]]:
     from agents.models.shipped_agents import find
     from agents.policies.network_policy import network_policy
 
-    place = find(plain_agent(task.policy))
+    place = find(PolicySpec.parse(task.policy).agent)
     if place is None:
         raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
     ready = network_policy(place)

@@ -6,13 +6,12 @@ import hashlib
 import json
 import os
 import platform
-from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from agents.models import shipped_agents
-from agents.policies.registry import FROM, SHIELDED, is_planner, make_planner, plain_agent
+from agents.policies.registry import make_planner
+from agents.policies.spec import PolicySpec
 from agents.runtime import provenance
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
@@ -66,29 +65,19 @@ def models(policy: str) -> dict[str, str]:
     """SHA-256 of the files of every model that a policy flies with, by path; none for planners."""
     return {
         str(file): hashlib.sha256(file.read_bytes()).hexdigest()
-        for place in _agents(policy)
+        for agent in PolicySpec.parse(policy).agents
+        if (place := shipped_agents.find(agent)) is not None
         for file in (place / name for name in ("model.zip", "model.json"))
         if file.is_file()
     }
 
 
-def _agents(policy: str) -> Iterator[Path]:
-    """Directories of the agents in a policy's name."""
-    plain = policy.removesuffix(SHIELDED)
-    if is_planner(plain):
-        proposer = plain.partition(FROM)[2]
-        if proposer:
-            yield from _agents(proposer)
-    elif (place := shipped_agents.find(plain_agent(plain))) is not None:
-        yield place
-
-
 def stopped_by_clock(policy: str) -> bool:
     """Whether a policy's planner searches for a time, so that its flights do not repeat."""
-    plain = policy.removesuffix(SHIELDED)
-    if not is_planner(plain):
+    spec = PolicySpec.parse(policy)
+    if not spec.is_planner:
         return False
-    router = getattr(make_planner(plain), "router", None)
+    router = getattr(make_planner(spec), "router", None)
     return isinstance(getattr(router, "budget", None), Seconds)
 
 

@@ -13,7 +13,7 @@ from itertools import groupby
 from typing import Any
 
 from agents.evaluation import provenance
-from agents.policies.registry import SHIELDED, imagines, is_planner
+from agents.policies.spec import PolicySpec
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 
@@ -36,7 +36,8 @@ def field_of(source: Source) -> Field:
 
 def is_batched(policy: str) -> bool:
     """Whether a policy is an agent alone, which flies many fields at once."""
-    return not (policy.endswith(SHIELDED) or is_planner(policy) or imagines(policy))
+    spec = PolicySpec.parse(policy)
+    return not (spec.shield or spec.is_planner or spec.tries)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

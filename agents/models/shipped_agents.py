@@ -25,33 +25,25 @@ def shipped() -> dict[str, Path]:
     """Directories of the shipped agents by name, `best` among them if there are any."""
     agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if path.is_dir()}
     agents = {name: path for name, path in agents.items() if (path / _FILES[0]).exists()}
-    if (plain := meant(BEST).partition("+")[0]) in agents:
+    if (plain := (best() or BEST).partition("+")[0]) in agents:
         agents[BEST] = agents[plain]
     return agents
 
 
-def meant(name: str) -> str:
-    """The name itself or, where it begins with `best`, that of the agent that is meant.
+def best() -> str | None:
+    """The policy name of the best shipped agent, options included; None if no file names it.
 
     Raises:
-        ValueError: the file that says so is damaged.
+        ValueError: the file that names it is damaged.
     """
-    chosen = SHIPPED / f"{BEST}.json"
-    plain, plus, options = name.partition("+")
-    if plain != BEST or not chosen.exists():
-        return name
-    known = _best(chosen)
-    if "+tries=" in known and options.startswith("tries="):  # asked for otherwise
-        known = known.partition("+")[0]
-    return known + plus + options
-
-
-def _best(file: Path) -> str:
+    file = SHIPPED / f"{BEST}.json"
+    if not file.exists():
+        return None
     try:
         known = json.loads(file.read_text(encoding="utf-8"))[BEST]
     except (OSError, ValueError, LookupError, TypeError, RecursionError):
         known = None
-    if not isinstance(known, str):
+    if not isinstance(known, str) or known.partition("+")[0] == BEST:
         raise ValueError(f"{file} is damaged: it does not say which agent is best; install again")
     return known
 

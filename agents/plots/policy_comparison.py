@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from agents.flights.flight import Flight
+from agents.policies.spec import PolicySpec
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering.drawing import draw_field, style
 from ferguson_gym.runtime.atomic_files import atomic_write
@@ -127,9 +128,9 @@ def _told(flight: Flight) -> str:
 
 
 def _name(policy: str) -> str:
-    """A policy's name; a path's last part, or the one before if that is a training's `best`."""
-    plain, plus, options = policy.partition("+")
-    place = Path(plain)
-    if place.is_dir():
-        plain = place.resolve().parent.name if place.name == "best" else place.resolve().name
-    return plain + plus + options
+    """A policy's name; of a path the last part, or the one before the `best` of a training."""
+    agent = PolicySpec.parse(policy).agent
+    if not agent or not (path := Path(agent)).is_dir():
+        return policy
+    path = path.resolve()
+    return policy.replace(agent, path.parent.name if path.name == "best" else path.name, 1)

@@ -1,4 +1,4 @@
-"""The interface of policies: what flies in the environment."""
+"""The interface of policies, which choose the actions of a flight."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class Policy(Protocol):
         """The next action, or None if the policy gives up."""
 
 
-class Expert(Policy, Protocol):
-    """A planner as a policy; it keeps what it decided for whoever looks on."""
+class PlannerPolicy(Policy, Protocol):
+    """A planner as a policy, with a record of its decisions."""
 
     decisions: list[Decision]
-    """Decisions of this flight so far."""
+    """Decisions of the current flight so far."""
     route: Route | None
-    """Where its plan came from, if it plans the whole path at once and has planned."""
+    """The route that a whole-path planner's plan was fitted to; None before it has planned."""

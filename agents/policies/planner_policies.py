@@ -1,8 +1,8 @@
-"""Planners as policies: replanned at every step, or tracked."""
+"""Planners as policies: one replans at every step, the other tracks a single plan."""
 
 from __future__ import annotations
 
-from agents.policies.interface import Expert
+from agents.policies.interface import PlannerPolicy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world import transition
@@ -12,8 +12,8 @@ from planners.interface import Decision, Plan, Planner, Replanner, Route, State
 from planners.rollout import successor
 
 
-class Replanning:
-    """A planner that decides anew at each step, from the state that was flown."""
+class ReplanningPolicy:
+    """A receding-horizon planner as a policy: it decides again from each state that is reached."""
 
     route: Route | None = None
 
@@ -38,8 +38,8 @@ class Replanning:
         return encode(decision.chain[0], vehicle.position, vehicle.derivative)
 
 
-class Tracking:
-    """A planner that plans once, and whose plan is then followed segment by segment."""
+class TrackingPolicy:
+    """A planner that plans once; its plan is then flown segment by segment."""
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
@@ -64,6 +64,6 @@ class Tracking:
         return encode(self._plan.control[step], vehicle.position, vehicle.derivative)
 
 
-def expert(planner: Planner) -> Expert:
-    """A planner as a policy: replanning where it decides step by step, else tracking."""
-    return Replanning(planner) if isinstance(planner, Replanner) else Tracking(planner)
+def planner_policy(planner: Planner) -> PlannerPolicy:
+    """A planner as a policy: a replanner decides at every step, the plan of others is tracked."""
+    return ReplanningPolicy(planner) if isinstance(planner, Replanner) else TrackingPolicy(planner)

@@ -1,42 +1,43 @@
-"""What no clock should count is done before: compiling, loading, starting other processes."""
+"""Warm-up before a measurement: compiling, loading and starting processes are not timed."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
-from agents.policies.registry import SHIELDED, make_planner
+from agents.policies.registry import make_planner
+from agents.policies.spec import PolicySpec
 from agents.runtime.kernels import small_field
 from planners.interface import Planner, initial_state
-from planners.registry import PLANNERS
 from planners.whole_path.planner import with_seconds
 
 _SECONDS = 0.2
-"""That a planner with a budget searches before its clock counts."""
+"""Search time [s] of a planner with a budget during its warm-up."""
 
 
 def warm_policy(name: str) -> None:
-    """Warm the planners that a policy's name asks for."""
-    plain = name.removesuffix(SHIELDED)
-    if plain != name:
-        warm("guided")  # which takes over
-    if plain.partition("+")[0] in PLANNERS:
-        warm(plain)
+    """Warm up the planners that a policy uses."""
+    spec = PolicySpec.parse(name)
+    if spec.shield:
+        warm("guided")  # the shield's planner
+    if spec.is_planner:
+        warm(str(replace(spec, shield=False)))
 
 
 @cache
 def warm(name: str, seconds: float | None = None) -> Planner:
-    """A planner that has planned something small, one for all of a process.
+    """A planner that has planned a small field already; each process makes it once.
 
-    What it loads, compiles or starts at first, a process of its own perhaps, is not timed.
+    What the planner loads, compiles or starts on its first plan is then done.
 
     Args:
-        name: of the planner.
-        seconds: budget of a planner that has one; None: its own.
+        name: of the planner, with its options.
+        seconds: budget of a planner that has one [s]; None: its own.
 
     Raises:
-        ValueError: an unknown planner, or its library is not installed.
+        ValueError: the planner is unknown, or its library is not installed.
     """
-    planner = with_seconds(make_planner(name), seconds)
+    planner = with_seconds(make_planner(PolicySpec.parse_planner(name)), seconds)
     field = small_field()
     with_seconds(planner, _SECONDS).plan(field, initial_state(field), 0)
     return planner

@@ -15,7 +15,7 @@ from PIL import Image
 
 from agents.cli.main import main
 from agents.flights.flight import fly
-from agents.policies.planner_policies import expert
+from agents.policies.planner_policies import planner_policy
 from agents.policies.registry import make_policy
 from ferguson_gym.curves.path import Path as Curve
 from ferguson_gym.shortest_paths.exact import shortest_path
@@ -73,7 +73,7 @@ def test_the_own_planner_flies_what_it_plans_and_is_measured_as_others(run: Run)
     fields = list(get_fields("standard/train:0-3"))
     gaps = []
     for field in fields:
-        flight = fly(expert(planner), "shooting", field, seed=0)
+        flight = fly(planner_policy(planner), "shooting", field, seed=0)
         plan = planner.plan(field, initial_state(field), 0)
         assert flight.control.tobytes() == plan.control.tobytes()
         assert is_feasible(flight.control, field).all()

@@ -12,6 +12,7 @@ import pytest
 from agents.models import shipped_agents
 from agents.models.model_card import Card
 from agents.policies.registry import make_policy
+from agents.policies.spec import PolicySpec
 from tests.support.places import ROOT
 
 
@@ -49,16 +50,18 @@ def test_shipped_agents_have_names_and_best_is_one_of_them(shipped: Path) -> Non
     assert shipped_agents.find("nobody") is None
 
 
-def test_best_means_an_agent_with_its_options(shipped: Path) -> None:
+def test_best_is_an_agent_with_its_options(shipped: Path) -> None:
     (shipped / "best.json").write_text(json.dumps({"best": "ace+tries=8"}))
-    assert shipped_agents.meant("best") == "ace+tries=8"
-    assert shipped_agents.meant("best+shield") == "ace+tries=8+shield"
-    assert shipped_agents.meant("best+tries=3") == "ace+tries=3"
-    assert shipped_agents.meant("rookie+tries=3") == "rookie+tries=3"
+    assert str(PolicySpec.parse("best")) == "ace+tries=8"
+    assert str(PolicySpec.parse("best+shield")) == "ace+tries=8+shield"
+    assert str(PolicySpec.parse("best+tries=3")) == "ace+tries=3"
+    assert str(PolicySpec.parse("rookie+tries=3")) == "rookie+tries=3"
     assert shipped_agents.shipped()["best"] == shipped / "ace"
 
 
-@pytest.mark.parametrize("content", [b"", b"\xff", b"[]", b"3", b'{"best": null}', b'{"ace": 1}'])
+@pytest.mark.parametrize(
+    "content", [b"", b"\xff", b"[]", b"3", b'{"best": null}', b'{"best": "best"}', b'{"ace": 1}']
+)
 def test_a_damaged_word_on_the_best_is_told(shipped: Path, content: bytes) -> None:
     (shipped / "best.json").write_bytes(content)
     with pytest.raises(ValueError, match=r"best\.json is damaged: .* install again"):

@@ -10,6 +10,7 @@ import pytest
 from agents.cli.main import main
 from agents.policies.policy_proposals import PolicyProposer
 from agents.policies.registry import make_planner, make_policy
+from agents.policies.spec import PolicySpec
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
@@ -113,7 +114,8 @@ def test_replanning_in_the_middle_gives_the_rest_of_the_flight() -> None:
 
 
 def test_options_reach_the_planner_inside() -> None:
-    planner = make_planner("single-start+backtrack+sensing=20+from=guided+turn=3")
+    spec = PolicySpec.parse("single-start+backtrack+sensing=20+from=guided+turn=3")
+    planner = make_planner(spec)
     assert isinstance(planner, Sensing)
     assert isinstance(planner.planner, Backtracking)
     inner = planner.planner.planner

@@ -133,7 +133,7 @@ FLIGHTS = """
 import gc
 from numba.core.dispatcher import Dispatcher
 from agents.flights.flight import fly
-from agents.policies.registry import expert
+from agents.policies.planner_policies import planner_policy
 from agents.policies.warm_up import compile_kernels, warm
 from ferguson_gym.world.field_names import get_field
 from planners.registry import PLANNERS
@@ -150,7 +150,7 @@ for planner in PLANNERS:
 before = kernels()
 for planner in PLANNERS:
     for field in fields:
-        fly(expert(quick(planner)), planner, field, 0)
+        fly(planner_policy(quick(planner)), planner, field, 0)
 print(sorted(kernels() - before))
 """
 

@@ -13,7 +13,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import Decision, Plan, State, Status, WindowReport, initial_state
 from planners.receding_horizon.guided import Guided
-from planners.registry import make, named
+from planners.registry import PlannerSpec, make
 from planners.rollout import roll_out
 from planners.wrappers.backtracking import Backtracking, segments_without_progress
 
@@ -108,13 +108,12 @@ def test_impatience_is_refused() -> None:
 
 
 def test_names_carry_options() -> None:
-    assert named("guided", False, None, None) == "guided"
-    assert named("guided", True, 20.0, None) == "guided+backtrack+sensing=20"
-    assert named("guided", False, None, 2.5) == "guided+turn=2.5"
+    guided = PlannerSpec(name="guided")
+    assert str(guided) == "guided"
+    assert str(guided.with_options(backtrack=True, sensing=20.0)) == "guided+backtrack+sensing=20"
+    assert str(guided.with_options(turn=2.5)) == "guided+turn=2.5"
     assert make("guided+turn=2.5") == replace(make("guided"), min_turn_radius=2.5)
-    assert repr(make("guided+sensing=20+backtrack")) == repr(
-        make(named("guided", True, 20.0, None))
-    )
+    assert repr(make("guided+sensing=20+backtrack")) == repr(make("guided+backtrack+sensing=20"))
 
 
 @pytest.mark.parametrize(

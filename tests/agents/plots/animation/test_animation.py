@@ -14,7 +14,7 @@ from agents.flights.flight import Flight, fly, fly_by_name
 from agents.plots.animation.animation import Painter, animate
 from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, frames_of
 from agents.plots.animation.gif import COLOURS, Palette, write_gif
-from agents.policies.planner_policies import expert
+from agents.policies.planner_policies import planner_policy
 from agents.runtime.kernels import small_field
 from agents.runtime.terminal import Terminal
 from ferguson_gym.curves.arc_length import length
@@ -35,7 +35,7 @@ REPLANNERS = ("single-start", "multi-start", "guided")
 
 @cache
 def flown(policy: str, field: Field) -> Flight:
-    return fly(expert(make(policy)), policy, field, 0)
+    return fly(planner_policy(make(policy)), policy, field, 0)
 
 
 @pytest.mark.parametrize("policy", REPLANNERS)
