@@ -22,6 +22,8 @@ _COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env
 _LINEAR = "lin_"
 _LARGEST = 100_000
 """Limit on the size of a file [bytes]."""
+_MOST_ALIASES = 10
+"""Limit on the aliases (`*name`) in a file: nested ones expand to exponentially many values."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,6 +67,9 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
     try:
         if len(text) > _LARGEST:
             raise ValueError(f"more than {_LARGEST:,} bytes")
+        events = yaml.parse(text, Loader=yaml.SafeLoader)
+        if sum(isinstance(event, yaml.AliasEvent) for event in events) > _MOST_ALIASES:
+            raise ValueError(f"more than {_MOST_ALIASES} aliases")
         content = yaml.safe_load(text)
     except Exception as error:  # the library raises errors of many types on a damaged file
         raise ValueError(f"{given}: not YAML ({reason(error)})") from None

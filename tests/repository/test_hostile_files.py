@@ -269,3 +269,19 @@ def test_hyperparameters_are_data(trace: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not YAML"):
         read(str(file), set())
     assert not trace.exists()
+
+
+def test_aliases_in_hyperparameters_are_limited_before_they_expand(tmp_path: Path) -> None:
+    pytest.importorskip("yaml")
+    from agents.training.hyperparameters import read
+
+    levels = "".join(f"a{k}: &a{k} [*a{k - 1}, *a{k - 1}]\n" for k in range(1, 60))
+    file = tmp_path / "recipe.yml"
+    file.write_text(f"a0: &a0 [1]\n{levels}")
+    with pytest.raises(ValueError, match=r"not YAML \(more than 10 aliases\)"):
+        read(str(file), set())
+    file.write_text(
+        "ferguson/ObstacleField-v0: {n_envs: &n 4, n_timesteps: *n, eval_freq: *n, policy: mlp}"
+    )
+    found = read(str(file), set())
+    assert (found.n_envs, found.n_timesteps, found.eval_freq) == (4, 4, 4)
