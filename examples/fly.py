@@ -1,13 +1,13 @@
-"""Fly with `env.step`: a rule of a few lines looks along rays and chooses segments.
+"""Fly with `env.step`: a rule of a few lines chooses segments from the rays.
 
 Run it from a checkout; it takes seconds:
 
     .venv/bin/python examples/fly.py
     .venv/bin/python examples/fly.py --seed 10 --out results/elsewhere
 
-It prints every step of one flight and how it ends, saves the picture `fly.png`, and counts in how
-many of a hundred fields the rule arrives: in 96, at times by a detour of twice the way. What is
-seen, flown and rewarded is told by the docstring of `ferguson_gym.environment.ObstacleField`.
+It prints every step of one flight and its outcome, saves the picture `fly.png`, and counts in how
+many of a hundred fields the rule reaches the goal: in 96, sometimes by a detour of twice the length.
+The docstring of `ferguson_gym.environment.ObstacleField` specifies observation, action and reward.
 """
 
 import argparse

@@ -1,21 +1,21 @@
-"""An agent of your own: a policy class, and PPO on a reward of your own.
+"""A custom agent: a policy class, and PPO with a custom reward.
 
 Run it from a checkout with the extra `agents` installed; it trains for half a minute:
 
     .venv/bin/python examples/own_agent.py
     .venv/bin/python examples/own_agent.py --steps 500_000 --seed 1 --out results/longer
 
-It shows the two ways into an evaluation:
+It shows two ways to evaluate a custom policy:
 
-- `Homing` is a class with `begin` and `act`, all that a policy needs. Wrap a network of any library
-  in one, with any observation that it makes of the field.
-- `Keeping` gives the vector environment another reward, on which Stable-Baselines3 trains. The
-  model is saved beside a card that says what it is and what it sees; then it is a policy by its
-  path, here and for `ferguson evaluate`, as the last line printed shows.
+- `Homing` is a class with `begin` and `act`, which is all that a policy needs. Such a class can wrap
+  a network of any library, with any observation computed from the field.
+- `Keeping` gives the vector environment another reward, with which Stable-Baselines3 trains. The
+  model is saved with a card that describes the network and its observation; its path is then the
+  name of a policy, here and for `ferguson evaluate`, as the last printed line shows.
 
-All are flown as every policy is, field by field in the environment, and judged by SPL: the mean of
-success x shortest path / length flown. So short a training is a sign of life and no more;
-docs/learnability.md and docs/agents.md say what learns well.
+All fly field by field in the environment, like every policy, and are compared by SPL: the mean of
+success x shortest path / length flown. So short a training only shows that learning works;
+docs/learnability.md and docs/agents.md describe better trainings.
 """
 
 import argparse

@@ -1,4 +1,4 @@
-"""A field of your own: buildings from a CSV file, covered by discs, and flown.
+"""A custom field: buildings from a CSV file, covered by discs, and a flight between them.
 
 Run it from a checkout; it takes seconds:
 
@@ -9,10 +9,10 @@ Each line of the file is a rectangle: `x` and `y` of its corner in the south-wes
 east and `depth` to the north, in metres. Start is (0, 0), goal (100, 100), bounds are -10 to 110 m.
 
 Fields are made of discs, so each rectangle is cut into cells, and a disc is drawn around each cell
-on its border. Such a cover is safe: it holds all walls, and nothing leads in between its discs.
-What it gives away is free space, for discs bulge over the walls: by 0.21 s in the middle of a
-square cell of side s. The table shows the bargain: coarse cells close the alley in the middle of
-town, and the flight goes around; cells of a third of the side are three times as many discs.
+on its border. Such a cover is safe: it contains all walls without gaps between its discs. It costs free
+space, since discs bulge over the walls: by 0.21 s in the middle of a square cell of side s. The table
+shows the trade-off: coarse cells close the alley in the middle of town, so the flight goes around;
+cells of a third of the side need three times as many discs.
 
 It writes `town.json`, a field that the command line takes by its path, and the picture `town.png`.
 """

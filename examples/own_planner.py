@@ -1,15 +1,15 @@
-"""A planner of your own, beside the house's planners on the same fields.
+"""A custom planner, compared with the planners of the project on the same fields.
 
 Run it from a checkout; it takes seconds:
 
     .venv/bin/python examples/own_planner.py
     .venv/bin/python examples/own_planner.py --fields forest/train:0-9 --beside multi-start
 
-`Shooting` throws many random chains of segments towards the goal, keeps the feasible ones and flies
-the first segment of the best: a receding horizon without an optimiser. It flies in the same
-environment as all planners, which refuses whatever is not certified along its whole length. The
-table says how many flights arrived and by how much they are longer than the field's shortest path,
-which is found exactly. `docs/planners.md` says what stands in the other rows.
+`Shooting` samples random chains of segments towards the goal, keeps the feasible ones and flies the
+first segment of the best: a receding horizon without an optimiser. It flies in the same environment
+as all planners, which refuses segments that are not certified along their whole length. The table
+shows successes and gaps to the field's shortest path, which is computed exactly.
+`docs/planners.md` describes the planners of the other rows.
 """
 
 import argparse
@@ -34,7 +34,7 @@ from planners.rollout import ends_on_goal, remaining_plan, roll_out
 
 @dataclass(frozen=True)
 class Shooting:
-    """Random chains towards the goal; of the feasible ones, the shortest way there."""
+    """Random chains towards the goal, of which the shortest feasible one is kept."""
 
     chains: int = 1000
     turn: float = 0.8  # of each step against the one before, standard deviation [rad]
@@ -82,7 +82,7 @@ def compare(policies: dict[str, Policy], fields: list[Field]) -> list[Flight]:
 
 
 def row(flights: list[Flight]) -> str:
-    """What is told of one policy's flights; gaps are over those that arrived."""
+    """A table row for one policy; gaps are over successful flights."""
     gaps = [100.0 * flight.gap for flight in flights if flight.gap is not None]
     told = f"{np.median(gaps):12.2f} %{max(gaps):10.2f} %" if gaps else f"{'-':>14}{'-':>12}"
     arrived = sum(flight.success for flight in flights)

@@ -58,7 +58,7 @@ def test_phrases_are_found_across_lines() -> None:
 
 
 @pytest.mark.parametrize(
-    "path", filter(mine, written()), ids=lambda path: str(path.relative_to(ROOT))
+    "path", list(filter(mine, written())), ids=lambda path: str(path.relative_to(ROOT))
 )
 def test_no_phrase_must_be_read_twice(path: Path) -> None:
     text = path.read_text(encoding="utf-8")
