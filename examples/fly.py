@@ -6,7 +6,7 @@ Run it from a checkout; it takes seconds:
     .venv/bin/python examples/fly.py --seed 10 --out results/elsewhere
 
 It prints every step of one flight and its outcome, saves the picture `fly.png`, and counts in how
-many of a hundred fields the rule reaches the goal: in 96, sometimes by a detour of twice the length.
+many of a hundred fields the rule reaches the goal: in 96, some by a detour of twice the length.
 The docstring of `ferguson_gym.environment.ObstacleField` specifies observation, action and reward.
 """
 

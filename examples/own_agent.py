@@ -7,8 +7,8 @@ Run it from a checkout with the extra `agents` installed; it trains for half a m
 
 It shows two ways to evaluate a custom policy:
 
-- `Homing` is a class with `begin` and `act`, which is all that a policy needs. Such a class can wrap
-  a network of any library, with any observation computed from the field.
+- `Homing` is a class with `begin` and `act`, which is all that a policy needs. It can wrap a
+  network of any library, with any observation computed from the field.
 - `Keeping` gives the vector environment another reward, with which Stable-Baselines3 trains. The
   model is saved with a card that describes the network and its observation; its path is then the
   name of a policy, here and for `ferguson evaluate`, as the last printed line shows.

@@ -9,10 +9,10 @@ Each line of the file is a rectangle: `x` and `y` of its corner in the south-wes
 east and `depth` to the north, in metres. Start is (0, 0), goal (100, 100), bounds are -10 to 110 m.
 
 Fields are made of discs, so each rectangle is cut into cells, and a disc is drawn around each cell
-on its border. Such a cover is safe: it contains all walls without gaps between its discs. It costs free
-space, since discs bulge over the walls: by 0.21 s in the middle of a square cell of side s. The table
-shows the trade-off: coarse cells close the alley in the middle of town, so the flight goes around;
-cells of a third of the side need three times as many discs.
+on its border. Such a cover is safe: it contains all walls, without gaps between its discs. It costs
+free space, since discs bulge over the walls: by 0.21 s in the middle of a square cell of side s.
+The table shows the trade-off: coarse cells close the alley in the middle of town, so the flight
+goes around; cells of a third of the side need three times as many discs.
 
 It writes `town.json`, a field that the command line takes by its path, and the picture `town.png`.
 """

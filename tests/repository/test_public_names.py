@@ -14,12 +14,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.documents import PAGES
 from tests.support.places import ROOT
 
 PACKAGES = ("ferguson_gym", "planners", "agents")
-DOCUMENTS = sorted(
+DOCUMENTS = PAGES + sorted(
     path
-    for pattern in ("*.md", "docs/**/*.md", "agents/models/shipped/**/*.md", "benchmarks/*.md")
+    for pattern in ("*.md", "agents/models/shipped/**/*.md", "benchmarks/*.md")
     for path in ROOT.glob(pattern)
 )
 _CODE = re.compile(r"`+([^`]+)`+")

@@ -8,7 +8,12 @@ from pathlib import Path
 from tests.support.places import ROOT
 
 README = ROOT / "README.md"
-PAGES = sorted((ROOT / "docs").rglob("*.md"))
+PAGES = sorted(
+    page
+    for page in (ROOT / "docs").rglob("*.md")
+    if page.parent.name not in ("generated", "_build")
+)
+"""Pages that are written, not those that a build of the documentation generates."""
 _BLOCK = re.compile(r"^```(\S*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _RANGE = re.compile(r"^(.+:)?([0-9]+)-([0-9]+)$")
 _FEW = {"--minutes": "0.5", "--windows": "2", "--slow": "1", "--steps": "600"}
