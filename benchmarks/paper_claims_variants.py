@@ -9,8 +9,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from paper_claims_variants import GROUPS, REFERENCE, SINGLE, Variant
-
 from agents.flights.metrics import Interval
 from ferguson_gym.world import transition
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
