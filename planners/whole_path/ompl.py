@@ -1,4 +1,4 @@
-"""Planners of the Open Motion Planning Library as routers; the library runs in a worker.
+"""Routers that call the Open Motion Planning Library (OMPL) in a subprocess.
 
 Reference:
     Sucan, Moll & Kavraki (2012), The Open Motion Planning Library, IEEE Robotics & Automation
@@ -28,83 +28,83 @@ from planners.whole_path.subprocess_worker import Worker
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
 
 WORKER = "planners.whole_path.ompl_server"
-"""The module that answers."""
-HAIR = 1e-12
-"""Discs that the ends touch are smaller by this part: rounding must not shut the ends in."""
+"""Module that runs in the subprocess."""
+CONTACT_MARGIN = 1e-12
+"""Relative shrinkage of discs that start or goal touch, so that rounding does not enclose them."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Problem:
-    """What the worker is asked."""
+    """Request to the subprocess: a planning problem."""
 
     algorithm: Algorithm
     discs: Records
-    """(n,); no point of a route is nearer to a centre than the disc's reach."""
+    """(n,) discs; a route keeps at least `reach` from their centres."""
     bounds: Array
-    """(2, 2) least and greatest coordinates [m]."""
+    """(2, 2) lower and upper bounds of the coordinates [m]."""
     start: Array
     """(2,) [m]."""
     goal: Array
     """(2,) [m]."""
     seed: int
-    """In 1 to 2^31 - 1."""
+    """From 1 to 2^31 - 1."""
     budget: Iterations | Seconds
     simplify: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Answer:
-    """What the worker found."""
+    """Answer of the subprocess: a route, if one was found."""
 
     points: Array | None
     """(n, 2) corners [m]; None if no route to the goal was found."""
     progress: Sequence[tuple[float, float]]
-    """As in `Route`; seconds count from the arrival of the problem."""
+    """As in `Route`; the seconds count from the arrival of the request."""
 
 
 @cache
 def shared_worker() -> Worker:
-    """The process that all routers share: it takes a second to start, and answers by the seed."""
+    """The worker that all routers share, because its start takes a second."""
     return Worker(WORKER)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ompl:
-    """A planner of OMPL, with the library's default settings.
+    """A planner of OMPL with the library's default settings, as a router.
 
     Raises:
-        ValueError: an unknown algorithm, OMPL is not installed, patience that is not positive.
+        ValueError: The algorithm is unknown, OMPL is not installed, or `timeout` is not positive.
     """
 
     algorithm: Algorithm
-    """`rrt` stops at the first route; `rrt-star`, `prm` and `bit-star` use their budget up."""
+    """`rrt` stops at the first route; `rrt-star`, `prm` and `bit-star` use all of their budget."""
     budget: Iterations | Seconds
-    """Iterations are those of the tree (`rrt`, `rrt-star`), milestones (`prm`) or batches
+    """An iteration is one of the tree (`rrt`, `rrt-star`), a milestone (`prm`) or a batch
     (`bit-star`)."""
     simplify: bool = True
-    """Whether OMPL's path simplifier shortens the route; its time adds to the budget."""
-    patience: float = 60.0
-    """Time beyond the budget after which the library is taken to hang [s]."""
+    """Whether OMPL's path simplifier shortens the route, in addition to the budget."""
+    timeout: float = 60.0
+    """Time beyond the budget after which the library counts as hung [s]."""
     worker: Worker = dataclasses.field(default_factory=shared_worker, repr=False)
-    """Where the library runs; routers that share one plan one after the other."""
+    """Subprocess of the library; routers that share it plan one at a time."""
 
     def __post_init__(self) -> None:
         if self.algorithm not in get_args(Algorithm):
             known = ", ".join(get_args(Algorithm))
             raise ValueError(f"unknown algorithm {self.algorithm!r}; OMPL's are {known}")
-        if not self.patience > 0:
-            raise ValueError(f"patience must be positive, got {self.patience!r} s")
+        if not self.timeout > 0:
+            raise ValueError(f"timeout must be positive, got {self.timeout!r} s")
         require(self.algorithm, "ompl", "OMPL")
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """A route from a vehicle to the goal, None if none was found.
+        """Plan a route (n, 2) from a vehicle to the goal; None if no route was found.
 
-        It enters no disc and stays inside the bounds, but where the vehicle already violates them
-        by the tolerance; there it goes no deeper.
+        The route enters no disc and stays inside the bounds. Where the vehicle violates them, by
+        at most the tolerance, the route violates them no further.
 
         Raises:
-            CrashedError: OMPL crashed or did not answer.
-            TypeError: obstacles other than discs in the plane.
+            CrashedError: OMPL crashed or did not answer in time.
+            TypeError: The obstacles are not discs in the plane.
         """
         began = time.perf_counter()
         problem = self._problem(field, vehicle, seed)
@@ -112,7 +112,7 @@ class Ompl:
             return None
         asked = time.perf_counter() - began
         most = self.budget.seconds if isinstance(self.budget, Seconds) else 0.0
-        answer: Answer = self.worker.ask(problem, most + self.patience)
+        answer: Answer = self.worker.ask(problem, most + self.timeout)
         if answer.points is None:
             return None
         return Route(
@@ -122,7 +122,7 @@ class Ompl:
         )
 
     def _problem(self, field: Field, vehicle: transition.State, seed: int) -> Problem | None:
-        """What to ask; None where the vehicle is not free."""
+        """The planning problem; None if vehicle or goal is in collision or out of bounds."""
         discs = scene(field)[0].discs.copy()
         tolerance = PAPER_LIMITS.tolerance
         discs["reach"] = discs["radius"]
@@ -130,7 +130,7 @@ class Ompl:
             distance = np.hypot(discs["x"] - end[0], discs["y"] - end[1])
             if (distance < discs["radius"] - tolerance).any():
                 return None
-            discs["reach"] = np.minimum(discs["reach"], distance * (1.0 - HAIR))
+            discs["reach"] = np.minimum(discs["reach"], distance * (1.0 - CONTACT_MARGIN))
         low, high = field.bounds
         beyond = np.maximum(low - vehicle.position, vehicle.position - high)
         if beyond.max() > tolerance:

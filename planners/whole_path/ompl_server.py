@@ -1,8 +1,8 @@
-"""The process in which OMPL plans, started by `planners.whole_path.subprocess_worker`.
+"""The subprocess in which OMPL plans, started by `planners.whole_path.subprocess_worker`.
 
-Everything of OMPL is made anew for each problem, after the seed is set: then it draws the same
-numbers whatever was planned before. OMPL asks Python whether a line is clear, a hundred thousand
-times a second, and before each iteration whether to stop.
+All objects of OMPL are created for each problem after its seed is set, so that its random numbers
+do not depend on earlier problems. OMPL calls Python to check lines, a hundred thousand times a
+second, and before each iteration to decide whether to stop.
 
 Reference:
     LaValle & Kuffner (2001), Randomized kinodynamic planning, IJRR 20(5): RRT. Karaman & Frazzoli
@@ -34,55 +34,55 @@ from planners.whole_path.ompl import Algorithm, Answer, Problem
 from planners.whole_path.subprocess_worker import serve
 
 
-class Lines(base.MotionValidator):  # type: ignore[misc]
-    """Straight lines are valid where they keep clear of discs, exactly."""
+class ExactMotionValidator(base.MotionValidator):  # type: ignore[misc]
+    """Exact collision check of straight lines against discs."""
 
     def __init__(self, space: Any, discs: Records) -> None:
         super().__init__(space)
         self._discs = discs
 
     def checkMotion(self, start: Any, end: Any) -> bool:  # noqa: N802  (OMPL's name)
-        """Whether a line is clear; it is inside the bounds where its ends are."""
+        """Whether a line is free; it is inside the bounds if its ends are."""
         return keeps_clear(start[0], start[1], end[0], end[1], self._discs)
 
 
-class Watch:
-    """What is left of a problem's budget, and the lengths reached so far."""
+class Progress:
+    """The budget of a problem, and the lengths of the routes found so far."""
 
     def __init__(self, problem: Problem) -> None:
         self._began = time.perf_counter()
         self._budget = problem.budget
-        self.progress: list[tuple[float, float]] = []
+        self.lengths: list[tuple[float, float]] = []
 
     @property
     def seconds(self) -> float:
-        """Since planning began."""
+        """Time since planning began [s]."""
         return time.perf_counter() - self._began
 
-    def spent(self, iterations: int, ahead: float = 0.0) -> bool:
-        """Whether the budget is spent after iterations, and with work of some seconds ahead."""
+    def exhausted(self, iterations: int, ahead: float = 0.0) -> bool:
+        """Whether the budget is used up after `iterations`, with `ahead` more seconds of work."""
         if isinstance(self._budget, Iterations):
             return iterations >= self._budget.count
         return self.seconds + ahead >= self._budget.seconds
 
-    def note(self, length: float) -> None:
-        """Keep a length [m] if it is the least so far."""
-        if length < (self.progress[-1][1] if self.progress else math.inf):
-            self.progress.append((self.seconds, length))
+    def record(self, length: float) -> None:
+        """Record a length [m] if it is the shortest so far."""
+        if length < (self.lengths[-1][1] if self.lengths else math.inf):
+            self.lengths.append((self.seconds, length))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A problem as OMPL holds it."""
+    """A planning problem as objects of OMPL."""
 
     space: Any
-    """`SpaceInformation`."""
+    """OMPL's `SpaceInformation`."""
     definition: Any
-    """`ProblemDefinition`."""
+    """OMPL's `ProblemDefinition`."""
 
     @classmethod
     def of(cls, problem: Problem) -> Task:
-        """Set it up."""
+        """Set up a problem."""
         plane = base.RealVectorStateSpace(2)
         box = base.RealVectorBounds(2)
         box.low, box.high = problem.bounds.tolist()
@@ -95,7 +95,7 @@ class Task:
             return keeps_clear(x, y, x, y, discs)
 
         space.setStateValidityChecker(is_free)
-        space.setMotionValidator(Lines(space, discs))
+        space.setMotionValidator(ExactMotionValidator(space, discs))
         space.setup()
         definition = base.ProblemDefinition(space)
         ends = [space.allocState(), space.allocState()]
@@ -105,114 +105,114 @@ class Task:
         definition.setOptimizationObjective(base.PathLengthOptimizationObjective(space))
         return cls(space, definition)
 
-    def ready(self, algorithm: Any) -> Any:
-        """One of OMPL's planners, to be started."""
+    def planner(self, algorithm: Any) -> Any:
+        """One of OMPL's planners, ready to solve the problem."""
         planner = algorithm(self.space)
         planner.setProblemDefinition(self.definition)
         planner.setup()
         return planner
 
 
-def rrt(task: Task, watch: Watch) -> Array | None:
-    """A tree from the start that grows until it reaches the goal."""
+def rrt(task: Task, progress: Progress) -> Array | None:
+    """RRT: grow a tree from the start until it reaches the goal."""
     iterations = itertools.count()
-    planner = task.ready(geometric.RRT)
-    planner.solve(base.PlannerTerminationCondition(lambda: watch.spent(next(iterations))))
+    planner = task.planner(geometric.RRT)
+    planner.solve(base.PlannerTerminationCondition(lambda: progress.exhausted(next(iterations))))
     return solution(task)
 
 
-def rrt_star(task: Task, watch: Watch) -> Array | None:
-    """A tree that is rewired as it grows."""
+def rrt_star(task: Task, progress: Progress) -> Array | None:
+    """RRT*: grow a tree and rewire it towards shorter paths."""
     iterations = itertools.count()
-    planner = task.ready(geometric.RRTstar)
+    planner = task.planner(geometric.RRTstar)
 
     def stop() -> bool:
-        watch.note(planner.bestCost().value())
-        return watch.spent(next(iterations))
+        progress.record(planner.bestCost().value())
+        return progress.exhausted(next(iterations))
 
     planner.solve(base.PlannerTerminationCondition(stop))
     return solution(task)
 
 
-def bit_star(task: Task, watch: Watch) -> Array | None:
-    """Batches of samples, searched in the order of what a path through them can be worth."""
-    planner = task.ready(geometric.BITstar)
+def bit_star(task: Task, progress: Progress) -> Array | None:
+    """BIT*: search batches of samples in the order of potential path length."""
+    planner = task.planner(geometric.BITstar)
 
     def stop() -> bool:
-        watch.note(planner.bestCost().value())
-        return watch.spent(planner.numBatches() - 1)  # the last one is not finished
+        progress.record(planner.bestCost().value())
+        return progress.exhausted(planner.numBatches() - 1)  # the last batch is unfinished
 
     planner.solve(base.PlannerTerminationCondition(stop))
     return solution(task)
 
 
-def prm(task: Task, watch: Watch) -> Array | None:
-    """A roadmap, searched each time it has doubled.
+def prm(task: Task, progress: Progress) -> Array | None:
+    """PRM: let OMPL grow a roadmap, and search it each time its size has doubled.
 
-    OMPL grows it. Its own search runs in a thread beside the growing, by the clock: then the same
-    seed does not give the same roadmap, and Python cannot be asked from two threads.
+    OMPL's own search runs concurrently, timed by the clock. The roadmap would then differ between
+    runs with the same seed, and two threads would call Python.
     """
-    planner = task.ready(geometric.PRM)
+    planner = task.planner(geometric.PRM)
     planner.solve(base.plannerAlwaysTerminatingCondition())  # start and goal join the roadmap
-    asked, size, pace = 0, 64, 0.0
+    calls, size, search_seconds = 0, 64, 0.0
 
     def spent() -> bool:
-        # asked before each milestone, and each time one is looked for
-        return watch.spent(asked // 2, ahead=pace * planner.milestoneCount())
+        # called before each milestone and for each sample
+        return progress.exhausted(calls // 2, ahead=search_seconds * planner.milestoneCount())
 
     def stop() -> bool:
-        nonlocal asked
-        asked += 1
+        nonlocal calls
+        calls += 1
         return planner.milestoneCount() >= size or spent()
 
     while True:
         planner.growRoadmapPtc(base.PlannerTerminationCondition(stop))
-        began = watch.seconds
+        began = progress.seconds
         points = shortest_in_roadmap(planner, task)
-        pace = (watch.seconds - began) / planner.milestoneCount()  # of a search
+        search_seconds = (progress.seconds - began) / planner.milestoneCount()
         if points is not None:
-            watch.note(length(points))
+            progress.record(length(points))
         if spent():
             return points
         size *= 2
 
 
 def shortest_in_roadmap(planner: Any, task: Task) -> Array | None:
-    """The shortest way from start to goal in a planner's roadmap (n, 2) [m]; None without one."""
+    """The shortest path (n, 2) [m] in a planner's roadmap; None if start and goal are separate."""
     data = base.PlannerData(task.space)
     planner.getPlannerData(data)
     number = data.numVertices()
     points = corners(data.getVertex(k).getState() for k in range(number))
-    ahead = [data.getEdges(k) for k in range(number)]
-    rows = np.repeat(np.arange(number), [len(every) for every in ahead])
-    columns = np.fromiter(itertools.chain.from_iterable(ahead), np.int64, len(rows))
+    neighbours = [data.getEdges(k) for k in range(number)]
+    rows = np.repeat(np.arange(number), [len(targets) for targets in neighbours])
+    columns = np.fromiter(itertools.chain.from_iterable(neighbours), np.int64, len(rows))
     weights = np.linalg.norm(points[rows] - points[columns], axis=1)
     start, goal = data.getStartIndex(0), data.getGoalIndex(0)
     graph = csr_array((weights, (rows, columns)), shape=(number, number))
     distance, before = dijkstra(graph, indices=start, return_predecessors=True)
     if distance[goal] == math.inf:
         return None
-    way = [goal]
-    while way[-1] != start:
-        way.append(before[way[-1]])
-    return points[way[::-1]]
+    path = [goal]
+    while path[-1] != start:
+        path.append(before[path[-1]])
+    return points[path[::-1]]
 
 
 def solution(task: Task) -> Array | None:
-    """The corners (n, 2) [m] of a route that reaches the goal; None without one."""
-    if not task.definition.hasExactSolution():  # there may be one that ends near it
+    """Corners (n, 2) [m] of the route found; None if no route reaches the goal."""
+    if not task.definition.hasExactSolution():  # an approximate one may exist
         return None
     path = task.definition.getSolutionPath()
     return corners(path.getStates())
 
 
 def corners(states: Iterable[Any]) -> Array:
-    """States of the plane as an array (n, 2) [m]."""
+    """States of OMPL as points (n, 2) [m]."""
     return np.array([(state[0], state[1]) for state in states])
 
 
 def simplified(task: Task, points: Array, discs: Records) -> Array:
-    """A route (n, 2) after OMPL's path simplifier; as it was where that spoils it."""
+    """A route (n, 2) after OMPL's path simplifier, or unchanged if that is no valid improvement."""
     path = geometric.PathGeometric(task.space)
     state = task.space.allocState()
     for x, y in points.tolist():
@@ -228,11 +228,11 @@ def simplified(task: Task, points: Array, discs: Records) -> Array:
 
 
 def length(points: Array) -> float:
-    """Of a polyline (n, 2) [m]."""
+    """Length of a polyline (n, 2) [m]."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-SEARCHES: dict[Algorithm, Callable[[Task, Watch], Array | None]] = {
+SEARCHES: dict[Algorithm, Callable[[Task, Progress], Array | None]] = {
     "rrt": rrt,
     "rrt-star": rrt_star,
     "prm": prm,
@@ -241,20 +241,20 @@ SEARCHES: dict[Algorithm, Callable[[Task, Watch], Array | None]] = {
 
 
 def answer(problem: Problem) -> Answer:
-    """Plan."""
-    watch = Watch(problem)
+    """Solve a planning problem."""
+    progress = Progress(problem)
     util.RNG.setSeed(problem.seed)
     task = Task.of(problem)
-    points = SEARCHES[problem.algorithm](task, watch)
+    points = SEARCHES[problem.algorithm](task, progress)
     if points is not None:
-        watch.note(length(points))
+        progress.record(length(points))
         if problem.simplify:
             points = simplified(task, points, problem.discs)
-            watch.note(length(points))
-    return Answer(points=points, progress=watch.progress)
+            progress.record(length(points))
+    return Answer(points=points, progress=progress.lengths)
 
 
 if __name__ == "__main__":
     util.noOutputHandler()
-    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, DISC))  # compiled before anything is timed
+    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, DISC))  # compile before anything is timed
     serve(answer)

@@ -1,8 +1,10 @@
-"""A process of its own for libraries that can crash or hang: asked, waited for, killed.
+"""Run a library that may crash or hang in a subprocess, with a time limit for each request.
 
-The module that runs in it calls `serve`; whoever needs its answers holds a `Worker`. Requests and
-answers travel as pickles over a private pair of sockets, so nothing that a library prints is in
-the way. Either side notices at once when the other is gone. It takes a POSIX system.
+The module that runs in the subprocess calls `serve`; the program holds a `Worker`. Requests and
+answers are pickles on a private pair of sockets, which the library's own output cannot disturb.
+Each side notices at once when the other has ended. In contrast to pebble's process pool, a hung
+subprocess ends even after the program was killed (`SIGALRM`), and a round trip takes a third of
+the time. POSIX only.
 """
 
 from __future__ import annotations
@@ -24,78 +26,79 @@ from typing import Any
 from planners.interface import CrashedError
 
 ROOT = Path(__file__).parents[2]
-"""Where modules are imported from."""
-STARTING = 120.0
-"""How long a process may take to start [s]; the first one on a machine compiles."""
+"""Directory from which the subprocess imports modules."""
+START_TIMEOUT = 120.0
+"""Time limit for the start [s]; the first start on a machine compiles kernels."""
 
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """An answer that is an error."""
+    """An answer that reports an exception."""
 
     reason: str
 
 
 class Worker:
-    """A process that answers one request after the other; started by the first, and after a crash.
+    """A subprocess that answers requests one at a time; the first request starts it.
 
-    It ends with this object, with the program, or when the program is killed. A pickled copy, and
-    a copy in a forked process, has a process of its own.
+    After a crash the next request starts another one. The subprocess ends with this object, with
+    the program, or when the program is killed. A pickled copy, or a copy in a forked process, has
+    a subprocess of its own.
     """
 
     def __init__(self, module: str) -> None:
-        """Take the name of a module that serves."""
+        """Create a worker for a module that calls `serve`, given by its dotted name."""
         self._module = module
         self._lock = threading.Lock()
-        self._live: _Live | None = None
+        self._subprocess: _Subprocess | None = None
 
     def __reduce__(self) -> tuple[type[Worker], tuple[str]]:
         return Worker, (self._module,)
 
     @property
     def pid(self) -> int | None:
-        """The process's number, None while there is no process."""
-        return None if self._live is None else self._live.process.pid
+        """Process id of the subprocess; None if it does not run."""
+        return None if self._subprocess is None else self._subprocess.process.pid
 
-    def ask(self, request: object, patience: float) -> Any:
-        """The answer to a request.
+    def ask(self, request: object, timeout: float) -> Any:
+        """Send a request and wait for the answer.
 
         Args:
             request: anything that can be pickled.
-            patience: how long to wait [s]; starting the process does not count.
+            timeout: time limit [s]; the start of the subprocess does not count.
 
         Raises:
-            CrashedError: the process failed, ended or did not answer in time; unless it just
-                failed, it is gone.
+            CrashedError: The request raised an exception, or the subprocess ended or did not
+                answer in time; in the last two cases it has been killed.
         """
         with self._lock:
             try:
-                live = self._started()
-                live.send((request, patience))
-                answer = live.receive(patience)
-            except BaseException:  # an answer that comes later must not be taken for the next
+                running = self._started()
+                running.send((request, timeout))
+                answer = running.receive(timeout)
+            except BaseException:  # a late answer must not be taken for the next one
                 self._end()
                 raise
         if isinstance(answer, Failure):
             raise CrashedError(f"{self._module} failed: {answer.reason}")
         return answer
 
-    def _started(self) -> _Live:
-        if self._live is None or not self._live.mine:
+    def _started(self) -> _Subprocess:
+        if self._subprocess is None or not self._subprocess.usable:
             self._end()
-            self._live = _Live(self._module)
-            weakref.finalize(self, self._live.end)
-            self._live.receive(STARTING)  # it is ready
-        return self._live
+            self._subprocess = _Subprocess(self._module)
+            weakref.finalize(self, self._subprocess.end)
+            self._subprocess.receive(START_TIMEOUT)  # the message "ready"
+        return self._subprocess
 
     def _end(self) -> None:
-        if self._live is not None:
-            self._live.end()
-            self._live = None
+        if self._subprocess is not None:
+            self._subprocess.end()
+            self._subprocess = None
 
 
-class _Live:
-    """A running process and the way to it."""
+class _Subprocess:
+    """A running subprocess and the connection to it."""
 
     def __init__(self, module: str) -> None:
         self.module = module
@@ -112,7 +115,7 @@ class _Live:
             )
 
     @property
-    def mine(self) -> bool:
+    def usable(self) -> bool:
         return self.owner == os.getpid() and self.process.poll() is None
 
     def send(self, request: object) -> None:
@@ -121,13 +124,13 @@ class _Live:
         except OSError:
             raise self._ended() from None
 
-    def receive(self, patience: float) -> Any:
+    def receive(self, timeout: float) -> Any:
         try:
-            if self.connection.poll(patience):
+            if self.connection.poll(timeout):
                 return self.connection.recv()
         except (EOFError, OSError):
             raise self._ended() from None
-        raise CrashedError(f"{self.module} did not answer within {patience:g} s")
+        raise CrashedError(f"{self.module} did not answer within {timeout:g} s")
 
     def _ended(self) -> CrashedError:
         return CrashedError(f"{self.module} ended with exit status {self.process.wait()}")
@@ -140,16 +143,16 @@ class _Live:
 
 
 def serve(answer: Callable[[Any], object]) -> None:
-    """Answer the requests of the `Worker` that started this process, until it is gone."""
-    # whoever interrupts the program decides what becomes of its workers
+    """Answer the requests of the `Worker` that started this process, until that ends."""
+    # on Ctrl-C the program ends its workers itself
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
     connection.send("ready")
     try:
         while True:
-            request, patience = connection.recv()
-            # the kernel ends what hangs after the program was killed
-            signal.alarm(math.ceil(patience) + 1)
+            request, timeout = connection.recv()
+            # SIGALRM ends this process if it hangs after the program was killed
+            signal.alarm(math.ceil(timeout) + 1)
             try:
                 reply = answer(request)
             except Exception as error:
@@ -157,4 +160,4 @@ def serve(answer: Callable[[Any], object]) -> None:
             signal.alarm(0)
             connection.send(reply)
     except (EOFError, OSError):
-        os._exit(0)  # libraries have nothing to tidy up
+        os._exit(0)  # without the clean-up of libraries

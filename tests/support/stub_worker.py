@@ -1,4 +1,4 @@
-"""A worker that misbehaves when told to; tests run it in a process of its own."""
+"""A worker that misbehaves on request; tests run it in a subprocess."""
 
 import os
 import signal

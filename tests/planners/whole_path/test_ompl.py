@@ -1,4 +1,4 @@
-"""OMPL's planners: their routes are clear, seeds repeat, and crashes end nothing else."""
+"""OMPL's planners: routes are collision-free, seeds repeat, and a crash is only an error."""
 
 import os
 import pickle
@@ -50,7 +50,7 @@ def found(router: Ompl, field: Field, seed: int = 0) -> Route:
 
 
 def depth(route: Route, field: Field) -> float:
-    """How deep a route runs in a disc [m]; found from the nearest point of each line."""
+    """Penetration depth of a route [m], from the nearest point of each line to each disc."""
     assert isinstance(field.obstacles, Discs)
     deepest = -np.inf
     for start, end in zip(route.points[:-1], route.points[1:], strict=True):
@@ -64,7 +64,7 @@ def depth(route: Route, field: Field) -> float:
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 @pytest.mark.parametrize("simplify", [True, False])
-def test_routes_are_clear_end_right_and_are_no_shorter_than_the_shortest(
+def test_routes_are_collision_free_reach_the_goal_and_are_not_below_the_optimum(
     name: str, simplify: bool
 ) -> None:
     router = replace(ROUTERS[name], simplify=simplify)
@@ -83,7 +83,7 @@ def test_routes_are_clear_end_right_and_are_no_shorter_than_the_shortest(
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
-def test_progress_goes_on_in_time_and_down_to_the_routes_length(name: str) -> None:
+def test_progress_decreases_over_time_to_the_length_of_the_route(name: str) -> None:
     route = found(ROUTERS[name], get_field("standard/train:1"))
     seconds, lengths = np.array(route.progress).T
     assert (np.diff(seconds) >= 0.0).all()
@@ -93,7 +93,7 @@ def test_progress_goes_on_in_time_and_down_to_the_routes_length(name: str) -> No
     assert len(lengths) >= (2 if name == "rrt" else 4)
 
 
-def test_the_time_that_a_problem_takes_to_pose_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_time_to_set_up_a_problem_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     pose = Ompl._problem
 
     def slowly(*problem: Any) -> Any:
@@ -116,7 +116,7 @@ def test_simplifying_shortens(name: str) -> None:
 
 @pytest.fixture(scope="module")
 def first_routes() -> dict[str, Route]:
-    """Each planned by a process that has planned nothing before."""
+    """Routes that are each the first one of their process."""
     field = get_field("standard/train:2")
     return {
         name: found(replace(router, worker=Worker(WORKER)), field, 7)
@@ -159,7 +159,7 @@ def test_a_budget_in_seconds_is_kept(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
-def test_without_room_to_draw_from_planning_ends(name: str) -> None:
+def test_planning_ends_where_no_sample_is_free(name: str) -> None:
     # the disc's circle passes through start and goal, and all else is inside
     disc = Discs([[50.0, 50.0]], [50.0 * np.sqrt(2.0)])
     field = Field(name="full", obstacles=disc, bounds=np.array([0.0, 100.0]))
@@ -189,7 +189,7 @@ def test_a_vehicle_may_violate_discs_and_bounds_by_the_tolerance(
             np.testing.assert_array_equal(route.points[0], position)
 
 
-def test_only_discs_in_the_plane_are_understood() -> None:
+def test_obstacles_other_than_discs_in_the_plane_are_refused() -> None:
     balls = Field(
         name="balls",
         obstacles=Discs([[50.0, 50.0, 50.0]], [5.0]),
@@ -213,24 +213,24 @@ def test_a_worker_killed_in_the_middle_is_a_crash_and_the_next_plan_works() -> N
     np.testing.assert_array_equal(found(ROUTERS["rrt-star"], field).points, before.points)
 
 
-def test_what_takes_longer_than_patience_is_a_crash() -> None:
+def test_a_timeout_is_a_crash() -> None:
     field = get_field("standard/train:0")
-    hasty = replace(ROUTERS["rrt-star"], budget=Iterations(10**9), patience=0.5)
+    hasty = replace(ROUTERS["rrt-star"], budget=Iterations(10**9), timeout=0.5)
     with pytest.raises(CrashedError, match=r"did not answer within 0\.5 s"):
         hasty.route(field, transition.initial_state(field), 0)
 
 
-def test_a_router_can_be_sent_elsewhere() -> None:
+def test_a_router_can_be_pickled() -> None:
     router = pickle.loads(pickle.dumps(ROUTERS["rrt"]))
     field = get_field("standard/train:0")
     np.testing.assert_array_equal(found(router, field).points, found(ROUTERS["rrt"], field).points)
 
 
-def test_options_that_make_no_sense_are_refused() -> None:
+def test_invalid_options_are_refused() -> None:
     with pytest.raises(ValueError, match="unknown algorithm 'rrt#'; OMPL's are rrt, rrt-star, prm"):
         replace(ROUTERS["rrt"], algorithm="rrt#")
-    with pytest.raises(ValueError, match="patience must be positive, got 0"):
-        replace(ROUTERS["rrt"], patience=0)
+    with pytest.raises(ValueError, match="timeout must be positive, got 0"):
+        replace(ROUTERS["rrt"], timeout=0)
 
 
 def test_without_ompl_its_planners_say_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""A worker may crash, hang and fail; whoever asked is told, and the next request is answered."""
+"""A worker may crash, hang or fail: the caller gets an error, and the next request an answer."""
 
 import gc
 import os
@@ -37,7 +37,7 @@ def test_one_process_answers_one_request_after_the_other(worker: Worker) -> None
     assert second == ("two", worker.pid)
 
 
-def test_what_a_library_prints_is_no_answer(
+def test_output_of_a_library_does_not_disturb_the_answer(
     worker: Worker, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert worker.ask("print", 30.0)[0] == "print"
@@ -45,25 +45,25 @@ def test_what_a_library_prints_is_no_answer(
 
 
 @pytest.mark.parametrize(
-    ("request_", "patience", "message"),
+    ("request_", "timeout", "message"),
     [
         ("crash", 30.0, "tests.support.stub_worker ended with exit status -11"),
         ("hang", 0.2, "tests.support.stub_worker did not answer within 0.2 s"),
     ],
 )
-def test_after_a_crash_or_a_hang_nothing_is_left_and_the_next_request_is_answered(
-    worker: Worker, request_: str, patience: float, message: str
+def test_after_a_crash_or_a_hang_the_next_request_starts_another_process(
+    worker: Worker, request_: str, timeout: float, message: str
 ) -> None:
     _, before = worker.ask("one", 30.0)
     with pytest.raises(CrashedError, match=message):
-        worker.ask(request_, patience)
+        worker.ask(request_, timeout)
     assert worker.pid is None
     assert not is_alive(before)
     assert worker.ask("two", 30.0) == ("two", worker.pid)
     assert worker.pid != before
 
 
-def test_an_error_is_told_and_the_process_lives_on(worker: Worker) -> None:
+def test_an_exception_is_reported_and_the_process_stays(worker: Worker) -> None:
     _, pid = worker.ask("one", 30.0)
     with pytest.raises(CrashedError, match="ValueError: no such thing"):
         worker.ask("fail", 30.0)
