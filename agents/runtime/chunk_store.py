@@ -1,8 +1,7 @@
 """A resumable directory of finished chunks: work that survives an interruption.
 
-The work of a request is cut into chunks, whose results are arrays. Each is a file that is written
-atomically, so whoever does which chunk, and however often the work is interrupted, the chunks are
-the same in the end.
+A request is cut into chunks whose results are arrays. Each chunk is one file, written atomically,
+so the chunks do not depend on which process computes them or how often the work is interrupted.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from ferguson_gym.runtime.atomic_files import atomic_write
 
 START_OVER = "choose another --out, or start over with --fresh"
 _MOST_CHARACTERS = 120
-"""Of a value in a message."""
+"""Limit on the length of a value in a message."""
 T = TypeVar("T")
 
 
@@ -34,15 +33,15 @@ class ChunkStore:
     place: Path
     """The directory."""
     request: Mapping[str, Any]
-    """What makes it this request and no other: JSON values."""
+    """JSON values that identify the request."""
     number: int
-    """Of chunks."""
+    """Number of chunks."""
     digits: int = 6
-    """Of a chunk's number in its file's name."""
+    """Digits of a chunk's number in its file name."""
 
     @cached_property
     def digest(self) -> str:
-        """Short, and different for any other request."""
+        """Short hash of the request."""
         return hashlib.sha256(json.dumps(self.request, sort_keys=True).encode()).hexdigest()[:12]
 
     @property
@@ -50,15 +49,15 @@ class ChunkStore:
         return self.place / "request.json"
 
     def file(self, chunk: int) -> Path:
-        """Where a chunk is kept."""
+        """Path of a chunk."""
         # the digest: a worker that outlives a killed run must not write into another's chunks
         return self.place / f"chunk-{self.digest}-{chunk:0{self.digits}d}.npz"
 
     def holds_work(self) -> bool:
-        """Whether there is unfinished work, which must be this request's.
+        """Whether the directory holds unfinished work of this request.
 
         Raises:
-            ValueError: it is another request's, or does not say whose.
+            ValueError: It holds work of another request, or of an unknown one.
         """
         # a run may have been stopped while it wrote its first file
         if all(path.name.startswith(".") for path in self.place.glob("*")):
@@ -74,7 +73,7 @@ class ChunkStore:
             The chunks that are missing.
 
         Raises:
-            ValueError: as `holds_work`.
+            ValueError: As `holds_work`.
         """
         if not self.holds_work():
             self.place.mkdir(parents=True, exist_ok=True)
@@ -83,15 +82,19 @@ class ChunkStore:
         return [chunk for chunk in range(self.number) if not self.file(chunk).exists()]
 
     def write(self, chunk: int, arrays: Mapping[str, Any]) -> None:
-        """Keep a finished chunk."""
+        """Write the arrays of a finished chunk."""
         with atomic_write(self.file(chunk)) as temporary:
             np.savez(temporary, allow_pickle=False, **arrays)
 
     def read(self, chunk: int, parse: Callable[[dict[str, Any]], T]) -> T:
-        """What `parse` makes of a chunk's arrays; it raises ValueError if they are damaged.
+        """Read a chunk.
+
+        Args:
+            chunk: number of the chunk.
+            parse: turns its arrays into the result; raises ValueError if they are damaged.
 
         Raises:
-            OSError: the chunk cannot be read.
+            OSError: The chunk cannot be read, or it is damaged.
         """
         path = self.file(chunk)
         try:
@@ -100,16 +103,16 @@ class ChunkStore:
             raise OSError(f"{path} is damaged ({error}): remove it, and run again") from None
 
     def remove(self) -> None:
-        """Remove the directory: at once, then what was in it."""
+        """Remove the directory, renamed first: half of it would count as unfinished work."""
         gone = self.place.with_name(f"{self.place.name}-gone")
         shutil.rmtree(gone, ignore_errors=True)
         if self.place.exists():
-            self.place.rename(gone)  # half a directory would be taken for unfinished work
+            self.place.rename(gone)
             shutil.rmtree(gone)
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The JSON object in a file; empty if there is none."""
+    """The JSON object in a file; empty if the file is missing or holds something else."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -118,15 +121,15 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def refuse_other(found: object, wanted: Mapping[str, Any], what: str) -> None:
-    """Refuse what was made by another request.
+    """Refuse work or results of another request, naming the entries that differ.
 
     Args:
-        found: the request that made it.
-        wanted: the one that is to be.
-        what: was made, for the message.
+        found: the request on disk.
+        wanted: the current request.
+        what: what is on disk, for the message.
 
     Raises:
-        ValueError: the two differ, or `found` is not a request.
+        ValueError: The two differ, or `found` is not a request.
     """
     if not isinstance(found, dict) or not found:
         raise ValueError(f"{what} does not say how it was made; {START_OVER}")
@@ -141,7 +144,7 @@ def refuse_other(found: object, wanted: Mapping[str, Any], what: str) -> None:
 
 
 def _flat(entries: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Entries of nested mappings, each by its whole path."""
+    """Entries of nested mappings by dotted path."""
     flat: dict[str, Any] = {}
     for key, value in entries.items():
         if isinstance(value, Mapping) and value:

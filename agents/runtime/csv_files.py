@@ -12,14 +12,14 @@ from ferguson_gym.runtime.atomic_files import atomic_write
 
 
 def write_csv(path: Path, columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table whole or not at all."""
+    """Write a table atomically."""
     with csv_table(path, columns) as writer:
         writer.writerows(rows)
 
 
 @contextmanager
 def csv_table(path: Path, columns: Sequence[str]) -> Iterator[Any]:
-    """Writer of the rows of a table, which appears when all are written."""
+    """Yield a writer of rows; the file appears when the block ends."""
     with (
         atomic_write(path) as temporary,
         temporary.open("w", newline="", encoding="utf-8") as file,

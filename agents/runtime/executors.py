@@ -28,7 +28,7 @@ from ferguson_gym.runtime.optional_dependencies import installing
 PROCESSES, DASK = "processes", "dask"
 BACKENDS = (PROCESSES, DASK)
 TIMEOUT = 5.0
-"""How long a scheduler may take to answer [s]."""
+"""Time limit for an answer of the scheduler [s]."""
 RESUMES = "what is finished is kept, and the same command resumes"
 Call = tuple[Callable[..., Any], Sequence[Any], Mapping[str, Any]]
 """A function with its arguments, as `joblib.delayed` returns it."""
@@ -47,24 +47,24 @@ def map_in_processes(
     ahead: int | None = None,
     afterwards: str = RESUMES,
 ) -> Iterator[Iterator[Any]]:
-    """Spread calls over worker processes, which start at once.
+    """Spread calls over worker processes, which start immediately.
 
-    Workers do not hear Ctrl-C, and end with this process. Calls that are left at the end of the
-    context are given up.
+    Workers ignore Ctrl-C and end with this process. Calls that are unfinished at the end of the
+    block are cancelled.
 
     Args:
-        calls: what to do; read as workers get free.
-        workers: number of processes; a single one is this process, and works as results are read.
-        in_order: whether results come in the order of their calls.
+        calls: the calls; the next one is read when a worker is free.
+        workers: number of processes. With 1, calls run in this process as results are read.
+        in_order: whether results keep the order of their calls.
         ahead: number of calls handed out at a time; None: two for each worker.
-        afterwards: what is left when a worker dies, and how to resume.
+        afterwards: end of the message of `WorkerDiedError`: what is kept and how to resume.
 
     Yields:
-        The results, as they come.
+        An iterator over the results.
 
     Raises:
-        WorkerDiedError: a worker died.
-        KeyboardInterrupt: between two calls, if this is the only process.
+        WorkerDiedError: A worker process died.
+        KeyboardInterrupt: Ctrl-C was pressed; between two calls if `workers` is 1.
     """
     if workers == 1:
         yield _one_by_one(calls)
@@ -73,7 +73,7 @@ def map_in_processes(
         n_jobs=workers,
         backend="loky",
         return_as="generator" if in_order else "generator_unordered",
-        batch_size="auto" if in_order else 1,  # results that are kept as they come do not wait
+        batch_size="auto" if in_order else 1,  # a finished result does not wait for others
         pre_dispatch=ahead or 2 * workers,
         max_nbytes=None,  # arguments travel through pipes, not through files
     )
@@ -88,7 +88,7 @@ def map_in_processes(
         ) from None
     finally:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # joblib warns of calls that are given up
+            warnings.simplefilter("ignore")  # joblib warns of cancelled calls
             results.close()
 
 
@@ -100,7 +100,7 @@ def _one_by_one(calls: Iterable[Call]) -> Iterator[Any]:
 
 
 _watched = threading.Event()
-"""Set in worker processes that end with their parent."""
+"""Set in a worker process once the thread runs that ends it with its parent."""
 
 
 def _call_in_worker(
@@ -113,7 +113,7 @@ def _call_in_worker(
 
 
 def _end_with(parent: int) -> None:
-    """End this process when the one that started it has ended, even if that was killed."""
+    """End this process when its parent has ended, also if the parent was killed."""
     if os.name != "posix":  # elsewhere a process keeps its parent's number
         return
     while os.getppid() == parent:
@@ -123,17 +123,17 @@ def _end_with(parent: int) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backend:
-    """Where calls run.
+    """Where calls run: processes on this machine or the workers of a Dask cluster.
 
     Raises:
-        ValueError: arguments that do not go together, or a library that is not installed.
+        ValueError: The arguments contradict each other, or a library is not installed.
     """
 
     name: str = PROCESSES
     workers: int | None = None
-    """Processes on this machine; None: one, this. A cluster has its own."""
+    """Number of processes on this machine; None: this process alone. A cluster has its own."""
     address: str | None = None
-    """HOST:PORT of a cluster's scheduler."""
+    """HOST:PORT of the scheduler of a cluster."""
 
     def __post_init__(self) -> None:
         if self.name not in BACKENDS:
@@ -155,10 +155,10 @@ class Backend:
 
 
 def parse_address(address: str) -> tuple[str, int]:
-    """Host and port.
+    """Split an address into host and port.
 
     Raises:
-        ValueError: it is not HOST:PORT.
+        ValueError: The address is not HOST:PORT.
     """
     match = re.fullmatch(r"(?:tcp://)?\[?([^\[\]/]+?)\]?:([0-9]{1,5})", address)
     if match is None or not 0 < int(match[2]) < 65536:
@@ -167,10 +167,10 @@ def parse_address(address: str) -> tuple[str, int]:
 
 
 def check(backend: Backend) -> None:
-    """See that the scheduler answers, before any work starts.
+    """Check that the scheduler answers, before any work starts.
 
     Raises:
-        ConnectionError: it does not, or it has no workers.
+        ConnectionError: The scheduler does not answer, or it has no workers.
     """
     if backend.address is None:
         return
@@ -195,8 +195,8 @@ def _unreachable(backend: Backend, error: object) -> ConnectionError:
 
 
 Run = Callable[..., Iterator[Any]]
-"""`run(calls, ahead=None)` yields the results of calls as they come; `calls` is read as workers
-get free, and `ahead` of them are handed out at a time (None: two for each worker)."""
+"""`run(calls, ahead=None)` yields results in order of completion; `calls` is read as workers become
+free, and `ahead` of them are handed out at a time (None: two for each worker)."""
 
 
 @contextmanager
@@ -204,8 +204,8 @@ def open_backend(backend: Backend) -> Iterator[Run]:
     """Connect to a backend.
 
     Yields:
-        What runs calls there. It raises `WorkerDiedError` if a worker died, and may then be called
-        again; it raises OSError if the scheduler is lost.
+        A function that runs calls there. It raises `WorkerDiedError` if a worker died, and may then
+        be called again; it raises OSError if the connection to the scheduler is lost.
     """
     if backend.name == DASK:
         with _dask(backend) as client:
@@ -221,10 +221,10 @@ def open_backend(backend: Backend) -> Iterator[Run]:
 
 @contextmanager
 def _dask(backend: Backend) -> Iterator[Any]:
-    """A client of the scheduler.
+    """Connect a client to the scheduler.
 
     Raises:
-        ConnectionError: it does not answer, or has no workers.
+        ConnectionError: The scheduler does not answer, or it has no workers.
     """
     distributed: Any = importlib.import_module("distributed")
     assert backend.address is not None
@@ -284,7 +284,7 @@ def _in_cluster(
 def _attempt(
     function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any]
 ) -> tuple[Any, Exception | None]:
-    """The result of a call, or its error: then any other error means that it could not begin."""
+    """The result of a call, or its error; any other error then means that it did not start."""
     try:
         return function(*given, **named), None
     except Exception as error:

@@ -1,4 +1,4 @@
-"""Ctrl-C, deferred from where it would do harm to where the program can stop."""
+"""Defer Ctrl-C to a point where the program can stop safely."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from multiprocessing import resource_tracker
 
 
 class Interrupt:
-    """The handler of a deferred Ctrl-C: the first is remembered, the second one interrupts."""
+    """Signal handler: the first Ctrl-C is recorded, the second one raises KeyboardInterrupt."""
 
     def __init__(self, notice: bytes = b"") -> None:
         self.pressed = False
@@ -37,7 +37,7 @@ def defer_interrupt(notice: bytes = b"") -> Iterator[Interrupt]:
         notice: written to standard error when Ctrl-C is pressed.
 
     Raises:
-        KeyboardInterrupt: at the end of the block, if Ctrl-C was pressed in it.
+        KeyboardInterrupt: At the end of the block, if Ctrl-C was pressed in it.
     """
     before = signal.getsignal(signal.SIGINT)
     if isinstance(before, Interrupt):
@@ -57,10 +57,10 @@ def defer_interrupt(notice: bytes = b"") -> Iterator[Interrupt]:
 
 
 def raise_if_interrupted() -> None:
-    """Stop here if Ctrl-C was pressed and is deferred.
+    """Raise a deferred Ctrl-C now.
 
     Raises:
-        KeyboardInterrupt: it was.
+        KeyboardInterrupt: Ctrl-C was pressed within a block of `defer_interrupt`.
     """
     handler = signal.getsignal(signal.SIGINT)
     if isinstance(handler, Interrupt) and handler.pressed:
@@ -69,10 +69,10 @@ def raise_if_interrupted() -> None:
 
 @contextmanager
 def shield_new_processes() -> Iterator[None]:
-    """Make processes that are started in the block deaf to Ctrl-C: their parent ends them.
+    """Make processes started in the block ignore Ctrl-C, so that only their parent ends them.
 
     Raises:
-        KeyboardInterrupt: as `defer_interrupt`.
+        KeyboardInterrupt: As `defer_interrupt`.
     """
     with defer_interrupt():
         if not hasattr(signal, "pthread_sigmask"):  # Windows

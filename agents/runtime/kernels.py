@@ -1,4 +1,4 @@
-"""A small field, and compilation of the kernels that every flight needs."""
+"""A small field, and a function that compiles the kernels of every flight."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from ferguson_gym.world.obstacles import Discs
 
 @cache
 def small_field() -> Field:
-    """Two discs, and a goal beyond the first window, so that one of each kind is planned."""
+    """Two discs and a goal beyond the first window, so that planners meet every kind of window."""
     discs = Discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
     return Field(name="two discs", obstacles=discs, goal=np.array([40.0, 40.0]))
 
 
 @cache
 def compile_kernels() -> None:
-    """Compile, or load from the cache, what every flight needs whoever flies it; once."""
+    """Compile the kernels that every flight needs, or load them from the cache; once a process."""
     field = small_field()
     env = ObstacleField(fields=1)
     env.reset(seed=0, options={"field": field})

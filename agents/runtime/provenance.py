@@ -1,4 +1,4 @@
-"""What a measurement ran on: processor, threads and versions."""
+"""Provenance of a measurement: processor, threads, versions and commit."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numba
 
 
 def facts(*packages: str) -> dict[str, Any]:
-    """Of this machine, with the versions of those of some packages that are installed."""
+    """Processor, number of threads and versions of Python and of installed `packages`."""
     return {
         "processor": platform.processor() or platform.machine(),
         "threads": numba.get_num_threads(),
@@ -24,9 +24,9 @@ def facts(*packages: str) -> dict[str, Any]:
 
 
 def commit() -> str | None:
-    """The commit of this checkout, with `-dirty` behind it if files were changed since.
+    """The commit of this checkout, with the suffix `-dirty` if files have changed since.
 
-    None where there is no checkout, or no git.
+    None outside a checkout or without Git.
     """
     root = Path(__file__).parents[2]
     if not (root / ".git").exists():

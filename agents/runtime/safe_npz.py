@@ -1,4 +1,4 @@
-"""Arrays from a file that may be damaged: all of them at once, or the reason why not."""
+"""Read an npz file that may be damaged, without unpickling."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from numpy.typing import NDArray
 
 
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
-    """The arrays in an npz file, by name; none of objects, which would be unpickled.
+    """The arrays of an npz file by name; arrays of objects are refused.
 
     Raises:
-        ValueError: it cannot be read; the message is the reason, which the file's name should
-            precede.
+        ValueError: The file cannot be read. The message is the reason; callers put the name of the
+            file before it.
     """
     try:
-        # opened here: NumPy leaves a file open whose contents are no zip
+        # opened here: NumPy does not close a file that is not a zip file
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored}
-    except Exception as error:  # of whatever the libraries make of a damaged file
+    except Exception as error:  # the libraries raise errors of many types on a damaged file
         raise ValueError(reason(error)) from None
 
 
 def reason(error: Exception) -> str:
-    """What a library says of a damaged file, short and on one line."""
+    """The message of a library's error, shortened to one line."""
     return " ".join(str(error).split())[:120] or type(error).__name__

@@ -1,4 +1,4 @@
-"""Who speaks where: what was asked for on standard output, all else on standard error."""
+"""Terminal output: results on standard output, notes and progress bars on standard error."""
 
 from __future__ import annotations
 
@@ -19,47 +19,47 @@ from rich.progress import (
 from rich.text import Text
 
 WIDTH = 120
-"""Of tables where there is no terminal, in columns."""
-COMPILING = "compiling, as ever at the first run: a minute or two"
-_PATIENCE = 5.0
-"""Seconds without any part done, after which a bar says why that may be."""
+"""Width of tables without a terminal, in columns."""
+COMPILING = "compiling numerical kernels, on the first run only: a minute or two"
+_HINT_AFTER = 5.0
+"""Seconds without a finished part, after which a bar shows the hint `COMPILING`."""
 
 
 def silence(stream: TextIO) -> None:
-    """Lead a stream that nobody takes any more to nowhere, so that the rest of it is no error."""
-    nowhere = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, stream.fileno())
-    os.close(nowhere)
+    """Redirect a closed stream to the null device, so that further output raises no error."""
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, stream.fileno())
+    os.close(null)
 
 
 class _Console(Console):
-    """A console that goes on, unheard, when its reader has seen enough."""
+    """A console that continues silently when its reader closes the pipe."""
 
     def on_broken_pipe(self) -> None:
-        """The library would end the program here, and with a status of its own."""
+        """Continue; the library would end the program with its own exit status."""
         silence(self.file)  # type: ignore[arg-type]
 
 
-class _Why(ProgressColumn):
-    """What keeps workers from their first part."""
+class _CompilationHint(ProgressColumn):
+    """Explains why the first part takes long."""
 
     max_refresh = 0.5
 
     def render(self, task: Task) -> Text:
-        waits = not task.completed and (task.elapsed or 0.0) > _PATIENCE
+        waits = not task.completed and (task.elapsed or 0.0) > _HINT_AFTER
         return Text(f"({COMPILING}?)" if waits else "")
 
 
 class Terminal:
-    """Results, notes and bars of one command."""
+    """Results, notes and progress bars of one command."""
 
     def __init__(self, *, quiet: bool = False, colour: bool = True, as_json: bool = False) -> None:
-        """A terminal; by default it shows all there is.
+        """Set up the output; by default everything is shown.
 
         Args:
-            quiet: no bars and no notes; results, warnings and errors alone.
-            colour: whether there may be any; also the environment may forbid it (NO_COLOR).
-            as_json: results are one JSON object, no tables.
+            quiet: whether to omit progress bars and notes.
+            colour: whether to use colours; the environment may forbid them too (NO_COLOR).
+            as_json: whether results are one JSON object instead of tables.
         """
         plain = None if colour else True
         self._out = _Console(highlight=False, no_color=plain)
@@ -70,46 +70,46 @@ class Terminal:
 
     @property
     def quiet(self) -> bool:
-        """Whether only results, warnings and errors are told."""
+        """Whether progress bars and notes are omitted."""
         return self._quiet
 
     def show(self, *results: RenderableType) -> None:
-        """Tables and sentences, where they were not asked for as JSON."""
+        """Print tables and sentences, unless results are JSON."""
         if not self.as_json:
-            for result in results:  # a sentence is one line, but where someone reads it
+            for result in results:  # sentences are wrapped on terminals only
                 whole = isinstance(result, str) and not self._out.is_terminal
                 self._out.print(result, markup=False, soft_wrap=whole)
 
     def show_json(self, text: str) -> None:
-        """The one JSON object, if it was asked for."""
+        """Print the JSON object, if results are JSON."""
         if self.as_json:
             self._out.out(text, highlight=False)
 
     def note(self, text: str) -> None:
-        """What is good to know, but no result."""
+        """Print a note to standard error, unless quiet."""
         if not self._quiet:
             self._err.print(text, markup=False, soft_wrap=True)
 
     def bar(self) -> Progress:
-        """Of work in parts: how many are done, since when, and how long it may still take."""
+        """Progress bar with the number of finished parts, elapsed and remaining time."""
         return self._progress(
             BarColumn(),
             MofNCompleteColumn(),
             TimeElapsedColumn(),
             TimeRemainingColumn(),
-            _Why(),
+            _CompilationHint(),
         )
 
     def share_bar(self) -> Progress:
-        """Of work without parts: which share of it is done."""
+        """Progress bar with the percentage done, for work without parts."""
         return self._progress(
             BarColumn(), TextColumn("{task.percentage:.0f}%"), TimeElapsedColumn()
         )
 
     def still_bar(self) -> Progress:
-        """Of work whose parts are timed: drawn only when it is asked to refresh.
+        """Progress bar for timed parts: drawn only on `refresh`.
 
-        A thread that draws would be timed, too.
+        A thread that draws would disturb the timing.
         """
         return self._progress(
             BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), auto_refresh=False
@@ -123,6 +123,6 @@ class Terminal:
             console=err,
             auto_refresh=auto_refresh,
             transient=True,
-            # nothing could be taken away again from a file, nor from a dumb terminal
+            # a bar cannot be erased from a file or a dumb terminal
             disable=self._quiet or not err.is_terminal or err.is_dumb_terminal,
         )

@@ -13,13 +13,13 @@ from rich.text import Text
 from planners.interface import Decision
 
 NONE = "-"
-"""A cell without a value."""
+"""Text of a cell without a value."""
 
 
 def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
-    """A table without rows in the look of all; its first column holds words, the rest numbers.
+    """A table without rows, in the common style: words in the first column, numbers in the others.
 
-    Where it is too wide for a terminal, the words are folded; numbers stay whole.
+    In a narrow terminal the words are folded; numbers are not.
     """
     table = Table(
         title=escape(title),
@@ -40,12 +40,12 @@ def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
 
 
 def decimal(value: float | None, digits: int, scale: float = 1.0, none: str = NONE) -> str:
-    """A number times a scale with so many digits; a value that rounds to zero has no sign."""
+    """`scale * value` with `digits` decimals; a value that rounds to zero has no sign."""
     return none if value is None else f"{round(scale * value, digits) + 0.0:.{digits}f}"
 
 
 def windows(decisions: Sequence[Decision]) -> Table:
-    """How each window of a plan came about."""
+    """Table of the windows of a plan, one row a decision."""
     table = empty_table(
         "Windows",
         "step",

@@ -1,4 +1,4 @@
-"""Who flies: a Dask cluster on this machine, and what is refused before any work starts."""
+"""A Dask cluster on this machine, and the errors reported before any work starts."""
 
 import os
 import socket
@@ -65,7 +65,7 @@ def test_a_dask_cluster_flies_the_same_flights_though_a_worker_is_killed(
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("patient")
-def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
+def test_a_lost_scheduler_is_reported_and_finished_flights_are_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keep = ChunkStore.write
@@ -87,7 +87,7 @@ def test_a_scheduler_that_is_lost_is_told_and_what_is_flown_is_kept(
 
 
 @pytest.mark.slow
-def test_a_scheduler_without_workers_is_told(
+def test_a_scheduler_without_workers_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with cluster(tmp_path) as (address, _, _):
@@ -103,7 +103,7 @@ class Unreadable:
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("patient")
-def test_a_bounded_number_of_calls_is_in_a_cluster_and_failures_are_told_apart(
+def test_calls_in_flight_are_bounded_and_failures_are_distinguished(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES", "0")
@@ -130,7 +130,7 @@ def test_a_bounded_number_of_calls_is_in_a_cluster_and_failures_are_told_apart(
 
 
 @pytest.mark.parametrize(
-    ("words", "told"),
+    ("words", "message"),
     [
         (["--backend", "dask"], "--backend dask needs the --address HOST:PORT of its scheduler"),
         (["--backend", "dask", "--address", "here"], "an address is HOST:PORT, for example"),
@@ -144,19 +144,19 @@ def test_a_bounded_number_of_calls_is_in_a_cluster_and_failures_are_told_apart(
         (["--batch", "0"], "need a whole number from 1 on"),
     ],
 )
-def test_arguments_that_do_not_go_together_are_told_in_one_line(
-    words: list[str], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_contradictory_arguments_are_reported_in_one_line(
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
     fields = ["--fields", "paper:1", "--out", str(out)]
     assert main(["evaluate", "--policy", "guided", *fields, *words]) == 2
     said = capsys.readouterr().err
     assert said.count("\n") == 1
-    assert told in said
+    assert message in said
     assert not out.exists()
 
 
-def test_a_scheduler_that_does_not_answer_is_told(
+def test_a_scheduler_that_does_not_answer_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("distributed")
@@ -171,7 +171,7 @@ def test_a_scheduler_that_does_not_answer_is_told(
 
 
 @pytest.mark.parametrize("banner", [b"", b"SSH-2.0-OpenSSH_9.2\r\n"])
-def test_what_listens_there_may_be_no_scheduler(
+def test_another_server_at_the_address_is_reported(
     banner: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed")
@@ -182,7 +182,7 @@ def test_what_listens_there_may_be_no_scheduler(
         with calling:
             calling.sendall(banner)
             with suppress(OSError):
-                calling.recv(1)  # until it is hung up
+                calling.recv(1)  # until the client closes the connection
 
     with socket.socket() as listening:
         listening.bind(("127.0.0.1", 0))

@@ -1,4 +1,4 @@
-"""A deferred Ctrl-C is raised where the program can stop, and no sooner."""
+"""A deferred Ctrl-C is raised where the program can stop, not earlier."""
 
 import signal
 import subprocess
@@ -33,7 +33,7 @@ def test_an_interrupt_is_raised_at_the_end_of_its_block(capfd: pytest.CaptureFix
 
 
 @pytest.mark.parametrize("then", [raise_if_interrupted, press])
-def test_it_is_raised_sooner_where_the_program_asks_or_at_a_second_one(
+def test_it_is_raised_earlier_on_request_or_by_a_second_one(
     then: Callable[[], None],
 ) -> None:
     with defer_interrupt() as interrupt:
@@ -67,7 +67,7 @@ def test_outside_the_main_thread_nothing_is_deferred() -> None:
 
 
 @pytest.mark.skipif(not hasattr(signal, "pthread_sigmask"), reason="POSIX only")
-def test_new_processes_are_deaf() -> None:
+def test_new_processes_ignore_it() -> None:
     program = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print('alive')"
     with shield_new_processes():
         assert subprocess.check_output([sys.executable, "-c", program]) == b"alive\n"

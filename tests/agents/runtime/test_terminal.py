@@ -1,4 +1,4 @@
-"""What is said where: results on standard output, all else on standard error, if anywhere."""
+"""Terminal output: results on standard output, notes and bars on standard error."""
 
 import argparse
 import io
@@ -40,13 +40,11 @@ COMMANDS = {command.prog: command for command in commands(_parser())}
 
 
 @pytest.mark.parametrize("name", COMMANDS)
-def test_help_fits_and_its_examples_are_understood(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_help_fits_and_its_examples_parse(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    told = COMMANDS[name].format_help()
-    assert max(map(len, told.splitlines())) <= 80
-    _, _, examples = told.partition("\nexamples:\n")
+    text = COMMANDS[name].format_help()
+    assert max(map(len, text.splitlines())) <= 80
+    _, _, examples = text.partition("\nexamples:\n")
     lines = [
         line.strip()
         for line in examples.partition("\n\n")[0].replace("\\\n", " ").splitlines()
@@ -74,7 +72,7 @@ def test_a_group_without_a_command_shows_its_help(
 
 
 class Screen(io.StringIO):
-    """A terminal, as far as anybody asks."""
+    """A stream that claims to be a terminal."""
 
     def isatty(self) -> bool:
         return True
@@ -101,13 +99,13 @@ def test_bars_are_for_terminals_and_colours_turn_off(monkeypatch: pytest.MonkeyP
         monkeypatch.setattr(sys, "stderr", kind())
 
     screen()
-    told = drawn(Terminal())
-    assert "flights" in told
-    assert COLOURS.search(told)
+    output = drawn(Terminal())
+    assert "flights" in output
+    assert COLOURS.search(output)
     screen()
-    told = drawn(Terminal(colour=False))
-    assert "flights" in told
-    assert not COLOURS.search(told)
+    output = drawn(Terminal(colour=False))
+    assert "flights" in output
+    assert not COLOURS.search(output)
     screen()
     assert drawn(Terminal(quiet=True)) == ""
     screen(io.StringIO)
@@ -115,24 +113,26 @@ def test_bars_are_for_terminals_and_colours_turn_off(monkeypatch: pytest.MonkeyP
     screen()
     with monkeypatch.context() as patch:
         patch.setenv("NO_COLOR", "1")
-        told = drawn(Terminal())
-    assert "flights" in told
-    assert not COLOURS.search(told)
+        output = drawn(Terminal())
+    assert "flights" in output
+    assert not COLOURS.search(output)
     screen()
     monkeypatch.setenv("TERM", "dumb")
     assert drawn(Terminal()) == "so far\n"
 
 
-def test_a_bar_that_waits_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_waiting_bar_shows_the_compilation_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm-256color")
-    monkeypatch.setattr(terminal, "_PATIENCE", 0.0)
+    monkeypatch.setattr(terminal, "_HINT_AFTER", 0.0)
     monkeypatch.setattr(sys, "stderr", Screen())
     with Terminal().bar() as bar:
         flights = bar.add_task("flights", total=2)
-        (why,) = [column for column in bar.columns if isinstance(column, terminal._Why)]
-        assert terminal.COMPILING in why.render(bar.tasks[flights]).plain
+        (hint,) = [
+            column for column in bar.columns if isinstance(column, terminal._CompilationHint)
+        ]
+        assert terminal.COMPILING in hint.render(bar.tasks[flights]).plain
         bar.advance(flights)
-        assert why.render(bar.tasks[flights]).plain == ""
+        assert hint.render(bar.tasks[flights]).plain == ""
 
 
 def test_the_first_compilation_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -197,7 +197,7 @@ def test_output_without_room_is_one_line() -> None:
     assert (done.returncode, done.stderr) == (2, "ferguson: No space left on device\n")
 
 
-def test_a_disk_that_is_full_is_one_line_and_the_work_goes_on_later(tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_in_one_line_and_work_resumes(tmp_path: Path) -> None:
     def little_room() -> None:
         resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, resource.RLIM_INFINITY))
 
@@ -233,8 +233,8 @@ def test_tables_of_an_evaluation_fit_and_show_failures(width: int, tmp_path: Pat
     text = console.export_text()
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
-    for told in ("50.0 (35.2", "0.438", "100.0 (91.2", " 20 : 0 ", "< 0.0001", " inf "):
-        assert told in text, told
+    for cell in ("50.0 (35.2", "0.438", "100.0 (91.2", " 20 : 0 ", "< 0.0001", " inf "):
+        assert cell in text, cell
     flat = " ".join(text.split())
     assert "[red]late failed 20 of 40: 20 x cut into an obstacle" in flat
     assert f"{name} is stopped by a clock: its flights do not repeat" in flat

@@ -1,4 +1,4 @@
-"""Work in several processes, or one: interrupted between two parts, and what a death is told as."""
+"""Work in one or several processes: interruption between two calls, and dead workers."""
 
 import os
 import signal
@@ -19,7 +19,7 @@ from agents.evaluation.work import WORK
 from agents.runtime.executors import Call, WorkerDiedError, map_in_processes
 from tests.support.waiting import until
 
-TELL = "what is there is kept"
+RESUME = "what is there is kept"
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -29,17 +29,17 @@ def test_results_come_in_order(workers: int) -> None:
         assert list(results) == [divmod(number, 3) for number in range(10)]
 
 
-def test_a_death_is_told_in_one_line() -> None:
+def test_a_dead_worker_is_reported_in_one_line() -> None:
     def run(calls: list[Call]) -> None:
-        with map_in_processes(calls, 2, afterwards=TELL) as results:
+        with map_in_processes(calls, 2, afterwards=RESUME) as results:
             list(results)
 
-    with pytest.raises(WorkerDiedError, match=f"died: killed, or short of memory.*; {TELL}$"):
+    with pytest.raises(WorkerDiedError, match=f"died: killed, or short of memory.*; {RESUME}$"):
         run([delayed(os._exit)(3) for _ in range(4)])
 
 
 def press(module: Any, name: str, patch: pytest.MonkeyPatch, at: int) -> list[int]:
-    """Ctrl-C in the middle of a call; a list of those that came to an end."""
+    """Press Ctrl-C in the middle of call number `at`; returns a list of the finished calls."""
     ended: list[int] = []
     called = getattr(module, name)
 
@@ -54,7 +54,7 @@ def press(module: Any, name: str, patch: pytest.MonkeyPatch, at: int) -> list[in
     return ended
 
 
-def test_demonstrations_stop_after_a_flight_and_go_on(
+def test_demonstrations_stop_after_a_flight_and_resume(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     pytest.importorskip("minari")
@@ -63,7 +63,7 @@ def test_demonstrations_stop_after_a_flight_and_go_on(
     with monkeypatch.context() as patch:
         ended = press(work, "record", patch, at=14)
         assert main(command) == 130
-    assert len(ended) == 15  # the flight came to its end
+    assert len(ended) == 15  # the flight was finished
     assert capsys.readouterr().err == (
         "ferguson: the same command goes on where this one stopped\nferguson: interrupted\n"
     )
@@ -90,7 +90,7 @@ def test_a_comparison_of_planners_stops_after_a_plan(
     assert len((tmp_path / "planners.csv").read_text().splitlines()) == 1 + 2
 
 
-def test_an_evaluation_that_is_interrupted_while_it_times_has_only_that_to_do_again(
+def test_an_evaluation_interrupted_during_timing_repeats_only_the_timing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     command = ["evaluate", "--policy", "shortest", "--fields", "sparse/train:0-4", "-q"]
@@ -98,7 +98,7 @@ def test_an_evaluation_that_is_interrupted_while_it_times_has_only_that_to_do_ag
     with monkeypatch.context() as patch:
         ended = press(timing, "fly", patch, at=1)
         assert main(command) == 130
-    assert len(ended) == 2  # the flight came to its end
+    assert len(ended) == 2  # the flight was finished
     assert [path.name for path in tmp_path.iterdir()] == [WORK]
     monkeypatch.setattr(chunks, "fly_by_name", lambda *_: 1 / 0)
     assert main(command) == 0
@@ -148,14 +148,14 @@ def test_commands_end_in_one_line_and_leave_nothing_running(
         else:
             os.kill(workers[0], signal.SIGKILL)
         assert run.stderr is not None
-        told = run.stderr.read().splitlines()
+        lines = run.stderr.read().splitlines()
     assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
     assert {path.name for path in tmp_path.iterdir()} <= {".some-v0.part", "runs", "b"}
-    assert "Traceback" not in "".join(told)
+    assert "Traceback" not in "".join(lines)
     if stop == "Ctrl-C":
         assert run.returncode == 130
-        assert told[-1] == "ferguson: interrupted"
+        assert lines[-1] == "ferguson: interrupted"
     else:
         assert run.returncode == 2
-        assert len(told) == 1
-        assert told[0].startswith("ferguson: a worker process died: killed, or short of memory")
+        assert len(lines) == 1
+        assert lines[0].startswith("ferguson: a worker process died: killed, or short of memory")
