@@ -70,7 +70,7 @@ def main() -> None:
         warm_policy(name)
         fly(policy, name, fields[0], 0)
         rows.append((name, *cost(policy, name, fields)))
-        if is_batched(name) and (place := shipped_agents.find(name)) is not None:
+        if is_batched(name) and (place := shipped_agents.find_agent(name)) is not None:
             model = network_policy(place).model
             began = time.process_time()
             flights = fly_batch(model, fields)

@@ -119,7 +119,7 @@ def _imagination(axes: Axes, flown: Flight) -> None:
     """What the agent sees from where it is, and how it might go on."""
     field = flown.field
     _begin(axes, flown, "The agent: what it sees and imagines")
-    place = shipped_agents.find(PolicySpec.parse(AGENT).agent)
+    place = shipped_agents.find_agent(PolicySpec.parse(AGENT).agent)
     assert place is not None
     model = loading.load(place)
     last = flown.control[LATER - 1]

@@ -32,7 +32,7 @@ except ImportError as error:
 
 from agents.flights.flight import fly
 from agents.models import networks, torch_model
-from agents.models.model_card import Card
+from agents.models.model_card import ModelCard
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
@@ -81,14 +81,14 @@ def train(steps: int, seed: int, directory: Path) -> None:
     model = PPO(
         networks.policy_class("ppo", "mlp"),
         Keeping(ObstacleFieldVecEnv(64, **SEEN)),
-        policy_kwargs=networks.features("mlp", NETWORK),
+        policy_kwargs=networks.sb3_policy_kwargs("mlp", NETWORK),
         seed=seed,
         device="cpu",
         **LEARNER,
     )
     if steps:
         model.learn(steps)
-    card = Card(
+    card = ModelCard(
         algorithm="ppo",
         policy="mlp",
         policy_kwargs=NETWORK,

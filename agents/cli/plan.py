@@ -96,7 +96,7 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.policies.warm_up import warm
 
     agents = PolicySpec.parse(options.planner).agents
-    if any(shipped_agents.find(agent) for agent in agents):
+    if any(shipped_agents.find_agent(agent) for agent in agents):
         raise ValueError(
             f"{options.planner!r} is an agent, which plans nothing; fly it by ferguson evaluate "
             f"--policy {options.planner} --fields {options.field} --out DIR"

@@ -138,14 +138,14 @@ def prepare(options: argparse.Namespace) -> Job:
     """
     name = options.algorithm
     algorithm = ALGORITHMS[name]
-    shipped_agents.need("training", "tensorboard", "yaml", *algorithm.needs)
+    shipped_agents.require_libraries("training", "tensorboard", "yaml", *algorithm.needs)
     check_directory(options.out)
     if options.demos is not None and not algorithm.demos:
         able = ", ".join(one for one, kind in ALGORITHMS.items() if kind.demos)
         raise ValueError(f"--demos is of no use to {name}; {able} begin with demonstrations")
     start = None
     if options.start is not None:
-        start = shipped_agents.find(options.start)
+        start = shipped_agents.find_agent(options.start)
         if start is None:
             near = did_you_mean(options.start, shipped_agents.shipped())
             raise ValueError(

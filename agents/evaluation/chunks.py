@@ -125,10 +125,10 @@ def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
 
 def _batch(task: Task) -> list[tuple[Record, Trace]]:
     from agents.flights.batched import TOGETHER, fly_batch
-    from agents.models.shipped_agents import find
+    from agents.models.shipped_agents import find_agent
     from agents.policies.network_policy import network_policy
 
-    place = find(PolicySpec.parse(task.policy).agent)
+    place = find_agent(PolicySpec.parse(task.policy).agent)
     if place is None:
         raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
     ready = network_policy(place)

@@ -66,7 +66,7 @@ def models(policy: str) -> dict[str, str]:
     return {
         str(file): hashlib.sha256(file.read_bytes()).hexdigest()
         for agent in PolicySpec.parse(policy).agents
-        if (place := shipped_agents.find(agent)) is not None
+        if (place := shipped_agents.find_agent(agent)) is not None
         for file in (place / name for name in ("model.zip", "model.json"))
         if file.is_file()
     }

@@ -84,7 +84,7 @@ def fly_batch(model: Model, fields: Iterable[Field], num: int = TOGETHER) -> lis
     fields = list(fields)
     if not fields:
         return []
-    with model.network.at_work():
+    with model.network.session():
         return _fly(model, fields, min(num, len(fields)))
 
 

@@ -1,7 +1,7 @@
-"""What a card's network is made of, if it is one that flies without torch.
+"""Architectures that fly without torch, derived from a model card.
 
-Those are actors of the on-policy algorithms with plain features or sets of obstacles, layers, and
-a Gaussian or a mixture on top. Others fly by torch.
+These are actors of the on-policy algorithms: plain or deep-sets features, fully connected layers,
+and a Gaussian or a mixture of Gaussians as head. All other networks need torch to fly.
 """
 
 from __future__ import annotations
@@ -11,56 +11,56 @@ from dataclasses import dataclass
 from typing import Any
 
 from agents.models.inference.activations import ACTIVATIONS
-from agents.models.inference.features import DISC, OWN
-from agents.models.model_card import Card
+from agents.models.inference.features import DISC_SIZE, VEHICLE_SIZE
+from agents.models.model_card import ModelCard
 from ferguson_gym.simulation.settings import settings_of
 
 ON_POLICY = ("ppo", "bc", "dagger")
-"""Algorithms whose policies are actor and critic in one, and take one another's weights."""
+"""Algorithms with actor-critic policies; each can start from the weights of any other."""
 MIXTURE = "-mixture"
-"""Ends the name of a policy that mixes Gaussians."""
+"""Suffix of the names of mixture policies."""
 PLAIN, SETS = "mlp", "deepsets"
-"""Policies by their features."""
-ACTION = 4
-"""Size of actions."""
-_USUAL: dict[str, Any] = {"activation_fn": "tanh", "components": 4}
-"""Where a card is silent."""
-_OF_TRAINING = ("log_std_init", "ortho_init")
-"""Entries of `policy_kwargs` that change nothing once weights are loaded."""
+"""Names of policies, after their features."""
+ACTION_SIZE = 4
+"""Number of entries of an action."""
+_DEFAULTS: dict[str, Any] = {"activation_fn": "tanh", "components": 4}
+"""Values of entries that a card leaves out."""
+_TRAINING_ONLY = ("log_std_init", "ortho_init")
+"""Entries of `policy_kwargs` that have no effect once weights are loaded."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Architecture:
-    """A network in numbers."""
+    """Sizes and kinds of the layers of an actor network."""
 
     sizes: dict[str, int]
-    """Of each entry that it sees."""
+    """Size of each entry of the observation."""
     width: int | None
-    """Of the layers that obstacles pass, as a set; None: features are plain."""
+    """Width of the deep-sets layers; None for plain features."""
     hidden: tuple[int, ...]
-    """Widths of the layers of the actor."""
+    """Widths of the hidden layers of the actor."""
     activation: str
-    """After each of them."""
+    """Name of the activation after each hidden layer."""
     components: int | None
-    """Gaussians in the mixture; None: it is no mixture."""
+    """Number of Gaussians in the mixture; None for a single Gaussian."""
 
     @property
     def features(self) -> int:
         """Number of features."""
         rays = 2 * self.sizes.get("rays", 0)
         if self.width is not None:
-            return 2 * self.width + OWN + rays
-        return OWN + self.sizes.get("mask", 0) + self.sizes.get("obstacles", 0) + rays
+            return 2 * self.width + VEHICLE_SIZE + rays
+        return VEHICLE_SIZE + self.sizes.get("mask", 0) + self.sizes.get("obstacles", 0) + rays
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
-        """Of its weights, by their names in torch; in the order in which they are used."""
+        """Shapes of the weights by their names in torch, in the order of their use."""
         shapes: dict[str, tuple[int, ...]] = {}
         if (width := self.width) is not None:
             shapes |= {
-                "features_extractor.obstacle.weight": (width, DISC),
+                "features_extractor.obstacle.weight": (width, DISC_SIZE),
                 "features_extractor.obstacle.bias": (width,),
-                "features_extractor.vehicle.weight": (width, OWN),
+                "features_extractor.vehicle.weight": (width, VEHICLE_SIZE),
                 "features_extractor.then.weight": (width, width),
                 "features_extractor.then.bias": (width,),
             }
@@ -69,30 +69,30 @@ class Architecture:
             name = f"mlp_extractor.policy_net.{2 * number}"
             shapes |= {f"{name}.weight": (size, before), f"{name}.bias": (size,)}
             before = size
-        rows = ACTION if self.components is None else self.components * (1 + 2 * ACTION)
+        rows = ACTION_SIZE if self.components is None else self.components * (1 + 2 * ACTION_SIZE)
         return shapes | {"action_net.weight": (rows, before), "action_net.bias": (rows,)}
 
 
-def architecture_of(card: Card) -> Architecture | None:
-    """The network of a card; None if it is none that is known here, or makes no sense."""
+def architecture_of(card: ModelCard) -> Architecture | None:
+    """The architecture that a card describes; None if only torch can build it, or nothing can."""
     given = dict(card.policy_kwargs)
     layers = _layers(given.pop("net_arch", None))
-    of_features = given.pop("features_extractor_kwargs", {})
+    extractor = given.pop("features_extractor_kwargs", {})
     mixes = card.policy.endswith(MIXTURE)
     features = card.policy.removesuffix(MIXTURE)
     sizes = settings_of(card.environment).layout.entries()
-    told = {**_USUAL, **given}
+    settings = {**_DEFAULTS, **given}
     sets = features == SETS
     if (
         card.algorithm not in ON_POLICY
         or features not in (PLAIN, SETS)
         or layers is None
-        or not set(given) <= {"activation_fn", *_OF_TRAINING, *(["components"] if mixes else [])}
-        or told["activation_fn"] not in list(ACTIVATIONS)  # which need not be hashable
-        or not _is_size(told["components"])
-        or type(of_features) is not dict
-        or not set(of_features) <= ({"width"} if sets else set())
-        or not _is_size(width := of_features.get("width", 64))
+        or not set(given) <= {"activation_fn", *_TRAINING_ONLY, *(["components"] if mixes else [])}
+        or settings["activation_fn"] not in list(ACTIVATIONS)  # a list: it may not be hashable
+        or not _is_size(settings["components"])
+        or type(extractor) is not dict
+        or not set(extractor) <= ({"width"} if sets else set())
+        or not _is_size(width := extractor.get("width", 64))
         or (sets and "obstacles" not in sizes)
     ):
         return None
@@ -100,13 +100,13 @@ def architecture_of(card: Card) -> Architecture | None:
         sizes=sizes,
         width=width if sets else None,
         hidden=tuple(layers),
-        activation=told["activation_fn"],
-        components=told["components"] if mixes else None,
+        activation=settings["activation_fn"],
+        components=settings["components"] if mixes else None,
     )
 
 
 def _layers(given: Any) -> Sequence[int] | None:
-    """Widths of an actor's layers as Stable-Baselines3 reads them; None if it would not."""
+    """Widths of an actor's layers as Stable-Baselines3 reads them; None if it would refuse."""
     if given is None:
         return [64, 64]
     if type(given) is dict:

@@ -1,8 +1,9 @@
-"""Features of observations: plain, or of obstacles as the set that they are.
+"""Feature extractors in torch: plain concatenation, deep sets, and attention over obstacles.
 
-All of them show near things on a finer scale too: a metre matters beside an obstacle and on the
-last segments before the goal, and is little of all that lengths are parts of.
-`agents.models.inference.features` has the first two as flights use them, compiled.
+Each adds nearby distances on a finer scale: observations are normalised by large lengths, while a
+metre matters beside an obstacle and on the last segments before the goal.
+`agents.models.inference.features` has compiled versions of the first two. The attribute names of
+layers are the names of weights in saved models and must not change.
 """
 
 from __future__ import annotations
@@ -13,92 +14,102 @@ from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
 from torch.nn import functional
 
-from agents.models.inference.features import DISC, FALL, GRAIN, NEARER, OWN, USUAL
+from agents.models.inference.features import (
+    DIRECTION_OFFSET,
+    DISC_SIZE,
+    GOAL_SCALES,
+    NEARNESS_DECAY,
+    POOL_SCALE,
+    VEHICLE_SIZE,
+)
 
 
 class Plain(BaseFeaturesExtractor):
-    """All that is seen, one after the other, and how near rays end.
+    """All entries of the observation concatenated, with goal and rays on finer scales.
 
     Args:
-        observation_space: a dictionary of the environment's.
+        observation_space: dictionary space of the environment.
     """
 
     def __init__(self, observation_space: spaces.Dict) -> None:
         sizes = {key: spaces.flatdim(one) for key, one in observation_space.spaces.items()}
         rows = sizes.get("mask", 0) + sizes.get("obstacles", 0)
-        super().__init__(observation_space, OWN + rows + 2 * sizes.get("rays", 0))
+        super().__init__(observation_space, VEHICLE_SIZE + rows + 2 * sizes.get("rays", 0))
 
-    def forward(self, seen: dict[str, Tensor]) -> Tensor:
+    def forward(self, observation: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
-        rows = [seen[key] for key in ("mask", "obstacles") if key in seen]
-        return torch.cat([_own(seen), *rows, *_rays(seen)], dim=1)
+        rows = [observation[key] for key in ("mask", "obstacles") if key in observation]
+        return torch.cat([_own(observation), *rows, *_rays(observation)], dim=1)
 
 
 class DeepSets(BaseFeaturesExtractor):
-    """Each obstacle through the same network, then their sum and maximum, then the rest as it is.
+    """One network applied to each obstacle, pooled by sum and maximum; other entries are appended.
 
-    What it says does not depend on the order of the obstacles, nor on rows of padding.
+    The features depend neither on the order of the obstacles nor on padding rows.
 
     Args:
-        observation_space: a dictionary with obstacles and mask.
-        width: of the network's two layers.
+        observation_space: dictionary space with `obstacles` and `mask`.
+        width: width of the two layers.
 
     Raises:
-        ValueError: no obstacles in the observation.
+        ValueError: The observation has no obstacles.
 
     Reference:
         Zaheer et al. (2017), Deep Sets, NeurIPS 30.
     """
 
     def __init__(self, observation_space: spaces.Dict, width: int = 64) -> None:
-        super().__init__(observation_space, 2 * width + OWN + _rays_of(observation_space))
-        self.obstacle = nn.Linear(DISC, width)
-        self.vehicle = nn.Linear(OWN, width, bias=False)
+        super().__init__(observation_space, 2 * width + VEHICLE_SIZE + _rays_of(observation_space))
+        self.obstacle = nn.Linear(DISC_SIZE, width)
+        self.vehicle = nn.Linear(VEHICLE_SIZE, width, bias=False)
         self.then = nn.Linear(width, width)
 
-    def forward(self, seen: dict[str, Tensor]) -> Tensor:
+    def forward(self, observation: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
-        own, rows, mask = _split(seen)
-        # one layer of both, without a copy of the vehicle beside each obstacle
+        own, rows, mask = _split(observation)
+        # the first layer in two parts, so that the vehicle is not copied beside each obstacle
         first = torch.relu(self.obstacle(rows) + self.vehicle(own)[:, None])
         each = torch.relu(self.then(first)) * mask[:, :, None]
-        # a sum that stays near one for the usual dozen
-        pooled = [each.sum(dim=1) / USUAL, each.amax(dim=1)]
-        return torch.cat([*pooled, own, *_rays(seen)], dim=1)
+        # scaled so that the sum over a dozen obstacles is near one
+        pooled = [each.sum(dim=1) / POOL_SCALE, each.amax(dim=1)]
+        return torch.cat([*pooled, own, *_rays(observation)], dim=1)
 
 
 class Attention(BaseFeaturesExtractor):
-    """The vehicle and the obstacles attend to one another, then the maximum over obstacles.
+    """Self-attention over the vehicle and the obstacles, then the maximum over obstacles.
 
-    What it says does not depend on the order of the obstacles, nor on rows of padding.
+    The features depend neither on the order of the obstacles nor on padding rows.
 
     Args:
-        observation_space: a dictionary with obstacles and mask.
-        width: of each token.
-        layers: of attention.
-        heads: in each; they share the width.
+        observation_space: dictionary space with `obstacles` and `mask`.
+        width: width of a token.
+        layers: number of attention layers.
+        heads: number of attention heads; they share the width.
 
     Raises:
-        ValueError: no obstacles in the observation, or a width that heads cannot share.
+        ValueError: The observation has no obstacles, or the width is not a multiple of `heads`.
 
     Reference:
-        Vaswani et al. (2017), Attention is all you need, NeurIPS 30; layers are normalised first,
-        as in Xiong et al. (2020), On layer normalization in the transformer architecture, ICML.
+        Vaswani et al. (2017), Attention is all you need, NeurIPS 30; layer normalisation comes
+        first, as in Xiong et al. (2020), On layer normalization in the transformer architecture,
+        ICML.
     """
 
     def __init__(
         self, observation_space: spaces.Dict, width: int = 64, layers: int = 2, heads: int = 4
     ) -> None:
         if width % heads:
-            raise ValueError(f"a width of {width} cannot be shared by {heads} heads")
-        super().__init__(observation_space, 2 * width + OWN + _rays_of(observation_space))
-        self.vehicle = nn.Linear(OWN, width)
-        self.obstacle = nn.Sequential(nn.Linear(DISC, width), nn.SiLU(), nn.Linear(width, width))
+            raise ValueError(f"width must be a multiple of heads, got {width} and {heads}")
+        super().__init__(observation_space, 2 * width + VEHICLE_SIZE + _rays_of(observation_space))
+        self.vehicle = nn.Linear(VEHICLE_SIZE, width)
+        self.obstacle = nn.Sequential(
+            nn.Linear(DISC_SIZE, width), nn.SiLU(), nn.Linear(width, width)
+        )
         self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
 
-    def forward(self, seen: dict[str, Tensor]) -> Tensor:
+    def forward(self, observation: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
-        own, rows, mask = _split(seen)
+        own, rows, mask = _split(observation)
         tokens = torch.cat([self.vehicle(own)[:, None], self.obstacle(rows)], dim=1)
         present = torch.cat([torch.ones_like(mask[:, :1]), mask], dim=1) > 0.5
         for layer in self.layers:
@@ -106,7 +117,7 @@ class Attention(BaseFeaturesExtractor):
         away = mask[:, :, None] < 0.5
         best = tokens[:, 1:].masked_fill(away, -torch.inf).amax(dim=1)
         best = best.masked_fill(away.all(dim=1), 0.0)
-        return torch.cat([tokens[:, 0], best, own, *_rays(seen)], dim=1)
+        return torch.cat([tokens[:, 0], best, own, *_rays(observation)], dim=1)
 
 
 class _Layer(nn.Module):
@@ -134,39 +145,45 @@ class _Layer(nn.Module):
 
 
 def _rays_of(space: spaces.Dict) -> int:
-    """Numbers that `_rays` makes of rays.
+    """Number of features of the rays.
 
     Raises:
-        ValueError: no obstacles in the observation.
+        ValueError: The observation has no obstacles.
     """
     if "obstacles" not in space.spaces:
-        raise ValueError(
-            "a network of obstacles needs to see them: observation discs or both, not rays"
-        )
+        raise ValueError("this policy needs obstacles in the observation: discs or both, not rays")
     return 2 * spaces.flatdim(space["rays"]) if "rays" in space.spaces else 0
 
 
-def _own(seen: dict[str, Tensor]) -> Tensor:
-    """Goal and vehicle (n, 15), the goal on finer scales too."""
-    distance, way = seen["goal"][:, :1], seen["goal"][:, 1:]
-    finer = [(scale * distance).clamp(max=1.0) for scale in NEARER]
+def _own(observation: dict[str, Tensor]) -> Tensor:
+    """Goal and vehicle (n, VEHICLE_SIZE), with the goal on finer scales as well."""
+    distance, way = observation["goal"][:, :1], observation["goal"][:, 1:]
+    finer = [(scale * distance).clamp(max=1.0) for scale in GOAL_SCALES]
     nearer = [part for near in finer for part in (near, near * way)]
-    return torch.cat([seen["goal"], seen["vehicle"], *nearer], dim=1)
+    return torch.cat([observation["goal"], observation["vehicle"], *nearer], dim=1)
 
 
-def _split(seen: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
-    """The vehicle's own (n, size), obstacles (n, K, 7) and mask (n, K).
+def _split(observation: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
+    """Vehicle features (n, VEHICLE_SIZE), obstacles (n, K, DISC_SIZE) and mask (n, K).
 
-    An obstacle's row and, so that networks need not find out, its direction and how near its
-    surface is, finest where it is near.
+    An obstacle's row is extended by its unit direction and by the nearness of its surface, which
+    decays exponentially with distance.
     """
-    own = _own(seen)
-    rows = seen["obstacles"].view(len(own), -1, 4)
+    own = _own(observation)
+    rows = observation["obstacles"].view(len(own), -1, 4)
     centre = rows[:, :, :2]
-    way = centre / (centre.norm(dim=2, keepdim=True) + GRAIN)
-    return own, torch.cat([rows, way, torch.exp(-FALL * rows[:, :, 3:])], dim=2), seen["mask"]
+    way = centre / (centre.norm(dim=2, keepdim=True) + DIRECTION_OFFSET)
+    return (
+        own,
+        torch.cat([rows, way, torch.exp(-NEARNESS_DECAY * rows[:, :, 3:])], dim=2),
+        observation["mask"],
+    )
 
 
-def _rays(seen: dict[str, Tensor]) -> list[Tensor]:
-    """Ranges, and how near their ends are."""
-    return [seen["rays"], torch.exp(-FALL * seen["rays"])] if "rays" in seen else []
+def _rays(observation: dict[str, Tensor]) -> list[Tensor]:
+    """Ranges of the rays and the nearness of their ends, [] without rays."""
+    return (
+        [observation["rays"], torch.exp(-NEARNESS_DECAY * observation["rays"])]
+        if "rays" in observation
+        else []
+    )

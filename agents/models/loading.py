@@ -1,7 +1,7 @@
-"""Learned policies on disk: a directory with `model.zip`, the weights, and `model.json`, the card.
+"""Load a learned policy from its directory: `model.zip` (weights) and `model.json` (card).
 
-A model is loaded without unpickling: the card says what the network is, and of the zip the
-weights alone are read. Networks that are known here as numbers fly without torch; the others need
+Nothing is unpickled: the card describes the network, and only the weights of the zip are read.
+Networks with compiled kernels (`agents.models.architecture`) fly without torch; the others need
 it, and so does training (`agents.models.torch_model`).
 """
 
@@ -11,25 +11,28 @@ from pathlib import Path
 
 from agents.models import weights
 from agents.models.architecture import Architecture, architecture_of
-from agents.models.inference.forward import Forward
+from agents.models.inference.forward import CompiledNetwork
 from agents.models.model import MODEL, Model, directory_of
-from agents.models.model_card import CARD, Card, read_card
+from agents.models.model_card import CARD, ModelCard, read_card
 from ferguson_gym.runtime.optional_dependencies import installing
 
 
 def load(place: str | Path) -> Model:
-    """The model that lies in a directory, or beside its `model.zip`.
+    """Load a model.
+
+    Args:
+        place: directory of the model, or the `model.zip` in it.
 
     Raises:
-        ValueError: there is none, or it is not whole, not a model, or not one of this
-            environment, or it needs torch, which is not installed; the message says which.
+        ValueError: There is no model, a file is missing or damaged, the model was made for
+            another environment, or it needs torch, which is not installed.
     """
     directory = directory_of(place)
     card = read_card(directory / CARD)
-    architecture = _known(directory, card)
+    architecture = _compiled_architecture(directory, card)
     if architecture is not None:
         read = weights.read(directory / MODEL, architecture.shapes)
-        return Model(Forward(architecture, read), card)
+        return Model(CompiledNetwork(architecture, read), card)
     try:
         from agents.models import torch_model
     except ImportError as error:
@@ -40,15 +43,15 @@ def load(place: str | Path) -> Model:
 
 
 def needs_torch(place: Path) -> bool:
-    """Whether a model flies by torch alone.
+    """Whether a model needs torch to fly.
 
     Raises:
-        ValueError: there is no model, or one that cannot be read.
+        ValueError: There is no model, or it cannot be read.
     """
     directory = directory_of(place)
-    return _known(directory, read_card(directory / CARD)) is None
+    return _compiled_architecture(directory, read_card(directory / CARD)) is None
 
 
-def _known(directory: Path, card: Card) -> Architecture | None:
-    """A model's network, if it is known as numbers and so are its weights."""
+def _compiled_architecture(directory: Path, card: ModelCard) -> Architecture | None:
+    """A model's architecture if kernels exist for it and its weights are stored as arrays."""
     return architecture_of(card) if weights.names(directory / MODEL) else None

@@ -1,4 +1,8 @@
-"""Policies that mix Gaussians: one way past an obstacle or the other, and nothing in between."""
+"""Mixture-of-Gaussians policies: they can choose either side of an obstacle, not the mean of both.
+
+Reference:
+    Bishop (1994), Mixture density networks, Aston University NCRG/94/004.
+"""
 
 from __future__ import annotations
 
@@ -11,18 +15,18 @@ from stable_baselines3.common.distributions import DiagGaussianDistribution
 from stable_baselines3.common.policies import MultiInputActorCriticPolicy
 from torch import Tensor, nn
 
-from agents.models.inference.heads import LIKE, SCALE
+from agents.models.inference.heads import AGREEMENT, MEAN_SCALE
 
-FINEST, COARSEST = 0.02, 1.0
-"""Least and greatest standard deviation of a component, on the scale of actions."""
+MIN_STD, MAX_STD = 0.02, 1.0
+"""Bounds on the standard deviation of a component, in units of actions."""
 _NORMAL = 0.5 * math.log(2.0 * math.pi)
 
 
 class Mixture(DiagGaussianDistribution):
-    """A mixture of Gaussians with diagonal covariances, which the state decides on.
+    """A mixture of Gaussians with diagonal, state-dependent covariances.
 
     Args:
-        action_dim: size of actions.
+        action_dim: number of entries of an action.
         components: number of Gaussians.
     """
 
@@ -33,25 +37,25 @@ class Mixture(DiagGaussianDistribution):
     def proba_distribution_net(
         self, latent_dim: int, log_std_init: float = 0.0
     ) -> tuple[nn.Module, nn.Parameter]:
-        """A layer for weights, means and spreads, and what is added to the log of all spreads."""
+        """The layer of weights, means and log spreads, and the offset (action_dim,) of the last."""
         size = self.components * (1 + 2 * self.action_dim)
         return nn.Linear(latent_dim, size), nn.Parameter(
             torch.full((self.action_dim,), float(log_std_init))
         )
 
     def proba_distribution(self, mean_actions: Tensor, log_std: Tensor) -> Mixture:
-        """Set the parameters, for n states at once.
+        """Set the parameters for n states.
 
         Args:
-            mean_actions: (n, components (1 + 2 action_dim)) what the layer says.
-            log_std: (action_dim,).
+            mean_actions: (n, components (1 + 2 action_dim)) output of the layer.
+            log_std: (action_dim,) offset of the log standard deviations.
         """
         rows = mean_actions.view(len(mean_actions), self.components, 1 + 2 * self.action_dim)
         self.log_weights = torch.log_softmax(rows[:, :, 0], dim=1)
-        self.means = SCALE * rows[:, :, 1 : 1 + self.action_dim]
+        self.means = MEAN_SCALE * rows[:, :, 1 : 1 + self.action_dim]
         spreads = rows[:, :, 1 + self.action_dim :] + log_std
-        # before the exponential: what overflows there has no gradient but NaN
-        self.spreads = spreads.clamp(math.log(FINEST), math.log(COARSEST)).exp()
+        # clamped before the exponential, whose gradient is NaN where it overflows
+        self.spreads = spreads.clamp(math.log(MIN_STD), math.log(MAX_STD)).exp()
         return self
 
     def log_prob(self, actions: Tensor) -> Tensor:
@@ -61,7 +65,7 @@ class Mixture(DiagGaussianDistribution):
         return torch.logsumexp(self.log_weights + each.sum(dim=2), dim=1)
 
     def entropy(self) -> None:
-        """None: a mixture has no closed form of it."""
+        """Return None: the entropy of a mixture has no closed form."""
 
     def sample(self) -> Tensor:
         """Actions (n, action_dim)."""
@@ -70,33 +74,30 @@ class Mixture(DiagGaussianDistribution):
         return torch.normal(self.means[rows, which], self.spreads[rows, which])
 
     def mode(self) -> Tensor:
-        """Actions (n, action_dim): the mean of the components that agree on the likeliest way.
+        """Actions (n, action_dim): the mean over the most probable group of similar components.
 
-        The density's own maximum would be wherever a component is narrowest.
-        `agents.models.inference.heads` has the same compiled.
+        The maximum of the density would favour the narrowest component. Compiled version:
+        `agents.models.inference.heads.mixture_mode`.
         """
         weights = self.log_weights.exp()
         apart = (self.means[:, :, None] - self.means[:, None]).square().sum(dim=3)
-        alike = torch.exp(-apart / (2.0 * LIKE**2)) * weights[:, None]
+        alike = torch.exp(-apart / (2.0 * AGREEMENT**2)) * weights[:, None]
         rows = torch.arange(len(weights))
         chosen = alike[rows, alike.sum(dim=2).argmax(dim=1)]
         return (chosen[:, :, None] * self.means).sum(dim=1) / chosen.sum(dim=1, keepdim=True)
 
 
 class MixturePolicy(MultiInputActorCriticPolicy):
-    """An actor that mixes Gaussians, and a critic, over observations that are dictionaries.
+    """Actor-critic policy over dictionary observations whose actor is a mixture of Gaussians.
 
     Args:
-        args: as of `MultiInputActorCriticPolicy`.
+        args: arguments of `MultiInputActorCriticPolicy`.
         components: number of Gaussians.
-        kwargs: as of `MultiInputActorCriticPolicy`. Layers are not orthogonal at first: the
-            components would be all the same.
+        kwargs: keyword arguments of `MultiInputActorCriticPolicy`. Orthogonal initialisation is
+            always off, because its small gain would make all components nearly equal.
 
     Raises:
-        ValueError: a number of components that is none.
-
-    Reference:
-        Bishop (1994), Mixture density networks, Aston University NCRG/94/004.
+        ValueError: `components` is not a positive integer.
     """
 
     def __init__(self, *args: Any, components: int = 4, **kwargs: Any) -> None:

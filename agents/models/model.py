@@ -1,4 +1,4 @@
-"""A learned policy and its card, and the files that hold them."""
+"""`Model`: a network and its card; and the directory that holds them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from agents.models.model_card import CARD, Card
+from agents.models.model_card import CARD, ModelCard
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import Settings, settings_of
 from ferguson_gym.world.actions import Action
@@ -16,37 +16,37 @@ MODEL = "model.zip"
 
 
 class Network(Protocol):
-    """What a pilot asks."""
+    """Maps observations to actions."""
 
-    def act(self, seen: Observation) -> Action:
-        """The actions (n, 4) that it thinks best; of each row the same, whatever the others.
+    def act(self, observation: Observation) -> Action:
+        """Deterministic actions (n, 4); a row's action does not depend on the other rows.
 
         Args:
-            seen: (n, size) of each entry.
+            observation: entries of shape (n, size).
         """
 
-    def at_work(self) -> AbstractContextManager[None]:
-        """While it is asked often: what it changes in the process, it changes back at the end."""
+    def session(self) -> AbstractContextManager[None]:
+        """Context for many calls of `act`; process-wide settings are restored at its end."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Model:
-    """A learned policy and what is known of it."""
+    """A learned policy: its network and its card."""
 
     network: Network
-    card: Card
+    card: ModelCard
 
     @property
     def settings(self) -> Settings:
-        """Of the environment it was trained in."""
+        """Settings of the environment in which the model was trained."""
         return settings_of(self.card.environment)
 
 
 def directory_of(place: str | Path) -> Path:
-    """The directory of a model, given by itself or by the zip in it.
+    """The directory of a model, given as the directory or as the `model.zip` in it.
 
     Raises:
-        ValueError: there is none, or it is not whole.
+        ValueError: One or both of the model's files are missing.
     """
     given = Path(place)
     directory = given.parent if given.name == MODEL else given

@@ -1,4 +1,4 @@
-"""Cards of models: what is known of one, `model.json` beside its weights."""
+"""Model cards: `model.json`, which describes a model and stands beside its weights."""
 
 from __future__ import annotations
 
@@ -17,80 +17,84 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 
 CARD = "model.json"
 ENVIRONMENT_VERSION = f"{ENVIRONMENT_ID} {__version__}"
-"""The environment that models are made for: its id, and the version of the package."""
+"""Id of the environment and version of the package, as new cards record them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Card:
-    """What is known of a model; JSON values only."""
+class ModelCard:
+    """How a model was made, what it observes and what it reaches; JSON values only."""
 
     algorithm: str
-    """That trained it, for example ppo."""
+    """Algorithm that trained the model, for example ppo."""
     policy: str
     """Name in `agents.models.networks.POLICIES`."""
     policy_kwargs: dict[str, Any]
-    """As YAML has them, classes by name."""
+    """Arguments of the policy as in the YAML file; classes are given by name."""
     environment: dict[str, Any]
-    """Arguments of the environment it was trained in; they say what it sees."""
+    """Arguments of the environment in which it was trained; they define the observation."""
     environment_version: str = ENVIRONMENT_VERSION
-    """Id of the environment, and version of the package."""
+    """Id of the environment and version of the package."""
     seed: int = 0
-    """Of the training."""
+    """Seed of the training."""
     versions: dict[str, Any] = field(default_factory=dict)
-    """Of the libraries."""
+    """Versions of the libraries."""
     commit: str | None = None
-    """Of the sources, if they were a checkout."""
+    """Commit of the sources; None if they were not a Git checkout."""
     settings: dict[str, Any] = field(default_factory=dict)
-    """Hyperparameters as used."""
+    """Settings of the training run, hyperparameters included."""
     curve: list[dict[str, Any]] = field(default_factory=list)
-    """Evaluations while training, in order."""
+    """Evaluations during training, in order."""
     results: dict[str, Any] = field(default_factory=dict)
-    """What the model reaches, on which fields, of how many flights."""
+    """Final results, with fields and number of flights."""
 
     def to_json(self) -> str:
-        """As `model.json` has it.
+        """The text of `model.json`.
 
         Raises:
-            ValueError: a number that is not finite.
+            ValueError: A number is not finite.
         """
         return json.dumps(dataclasses.asdict(self), indent=1, allow_nan=False) + "\n"
 
 
-def write_card(directory: Path, card: Card) -> None:
-    """Write a card into a directory that exists.
+def write_card(directory: Path, card: ModelCard) -> None:
+    """Write `model.json` into an existing directory.
 
     Raises:
-        ValueError: a number that is not finite; then nothing is written.
+        ValueError: A number is not finite; nothing is written.
     """
     text = card.to_json()
     with atomic_write(directory / CARD) as temporary:
         temporary.write_text(text, encoding="utf-8")
 
 
-def read_card(path: Path) -> Card:
-    """The card in a file.
+def read_card(path: Path) -> ModelCard:
+    """Read a card from a file.
 
     Raises:
-        ValueError: it is none, or one of another environment.
+        ValueError: The file is not a card, or the model was made for another environment.
     """
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError:
         raise ValueError(f"{path}: not JSON, or cut short") from None
-    return card_from(text, str(path))
+    return parse_card(text, str(path))
 
 
-def card_from(text: str, where: str = "card") -> Card:
-    """The card in a text, as `Card.to_json` wrote it.
+def parse_card(text: str, where: str = "card") -> ModelCard:
+    """Parse a card from the text that `ModelCard.to_json` writes.
+
+    Args:
+        text: JSON.
+        where: source of the text, which begins the message of an error.
 
     Raises:
-        ValueError: it is none, or one of another environment; the message begins with `where`.
+        ValueError: The text is not a card, or the model was made for another environment.
     """
     try:
         entries = json.loads(text)
     except (ValueError, RecursionError):
         raise ValueError(f"{where}: not JSON, or cut short") from None
-    fields = {one.name: one for one in dataclasses.fields(Card)}
+    fields = {one.name: one for one in dataclasses.fields(ModelCard)}
     if not isinstance(entries, dict) or set(entries) != set(fields):
         raise ValueError(f"{where}: not a model's card; it has the entries {', '.join(fields)}")
     kinds = {"str": str, "int": int, "dict[str, Any]": dict, "list[dict[str, Any]]": list}
@@ -98,13 +102,13 @@ def card_from(text: str, where: str = "card") -> Card:
         kind = kinds.get(str(one.type))
         if kind is not None and type(entries[name]) is not kind:
             raise ValueError(f"{where}: {name} should be of type {kind.__name__}")
-    card = Card(**entries)
+    card = ModelCard(**entries)
     _check_version(card, where)
     check_environment(card.environment, f"{where}: ")
     return card
 
 
-def _check_version(card: Card, where: str) -> None:
+def _check_version(card: ModelCard, where: str) -> None:
     known, _, version = card.environment_version.partition(" ")
     if known != ENVIRONMENT_ID:
         raise ValueError(
@@ -122,11 +126,14 @@ def _number(version: str) -> tuple[int, ...]:
 
 
 def check_environment(arguments: Mapping[str, Any], where: str = "") -> None:
-    """See that a policy trained with these arguments can be flown like any other.
+    """Check that a policy trained with these environment arguments can be evaluated.
+
+    Args:
+        arguments: keyword arguments of the environment.
+        where: begins the message of an error.
 
     Raises:
-        ValueError: arguments that the environment refuses, or that change what a flight is;
-            the message begins with `where`.
+        ValueError: The environment refuses the arguments, or they change the limits of a flight.
     """
     try:
         settings = settings_of(dict(arguments))

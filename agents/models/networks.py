@@ -1,4 +1,4 @@
-"""Policies by name: which class of Stable-Baselines3 each algorithm makes of them."""
+"""Policy classes of Stable-Baselines3 by the names that YAML files and cards use."""
 
 from __future__ import annotations
 
@@ -40,10 +40,10 @@ _ACTIVATIONS: dict[str, type[nn.Module]] = {
 
 
 def policy_class(algorithm: str, name: str) -> type[BasePolicy]:
-    """The class of a policy, over observations that are dictionaries.
+    """The policy class for an algorithm, over dictionary observations.
 
     Raises:
-        ValueError: an unknown algorithm or policy.
+        ValueError: The algorithm or policy is unknown, or the two do not go together.
     """
     if algorithm not in _CLASSES:
         raise ValueError(f"unknown algorithm {algorithm!r}; known are {', '.join(_CLASSES)}")
@@ -59,15 +59,15 @@ def policy_class(algorithm: str, name: str) -> type[BasePolicy]:
     return MixturePolicy
 
 
-def features(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """The `policy_kwargs` that Stable-Baselines3 is handed.
+def sb3_policy_kwargs(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Arguments of a policy as Stable-Baselines3 expects them, with classes for names.
 
     Args:
-        name: of the policy.
-        given: policy_kwargs as JSON and YAML hold them, classes by name.
+        name: name of the policy.
+        given: `policy_kwargs` of a YAML file or a card, with classes by name.
 
     Raises:
-        ValueError: an unknown activation.
+        ValueError: The activation is unknown.
     """
     kwargs = dict(given)
     if (activation := kwargs.get("activation_fn")) is not None:

@@ -1,7 +1,4 @@
-"""Where learned agents lie: those shipped with the package, by name, and trained ones, by path.
-
-Names are checked without torch, and most agents fly without it.
-"""
+"""Find learned agents: shipped ones by name, trained ones by path. Needs no torch."""
 
 from __future__ import annotations
 
@@ -15,14 +12,14 @@ from agents.models.model_card import CARD
 from ferguson_gym.runtime.optional_dependencies import installing
 
 SHIPPED = Path(__file__).parent / "shipped"
-"""A directory with `model.zip` and `model.json` for each shipped agent."""
+"""Holds a directory with `model.zip` and `model.json` for each shipped agent."""
 BEST = "best"
-"""Another name for the best of them; `best.json` there says which it is, options included."""
+"""Alias of the best shipped agent; `best.json` names it, options included."""
 _FILES = (MODEL, CARD)
 
 
 def shipped() -> dict[str, Path]:
-    """Directories of the shipped agents by name, `best` among them if there are any."""
+    """Directories of the shipped agents by name; `best` is one of the names."""
     agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if path.is_dir()}
     agents = {name: path for name, path in agents.items() if (path / _FILES[0]).exists()}
     if (plain := (best() or BEST).partition("+")[0]) in agents:
@@ -48,24 +45,24 @@ def best() -> str | None:
     return known
 
 
-def find(name: str) -> Path | None:
-    """The directory of the agent of this name or at this path; None if there is none.
+def find_agent(name: str) -> Path | None:
+    """The directory of the agent with this name or at this path; None if there is no such agent.
 
-    A directory with one of a model's two files counts: what is missing is said when it is loaded.
+    One of a model's two files is enough here; loading reports the missing one.
 
     Raises:
-        ValueError: there is one, and what it needs is not installed.
+        ValueError: The agent needs a library that is not installed.
     """
     place = shipped().get(name) or _at(Path(name))
     if place is not None and _needs_torch(place):
-        need(f"agent {name!r}")
+        require_libraries(f"agent {name!r}")
     return place
 
 
 def _needs_torch(place: Path) -> bool:
     try:
         return loading.needs_torch(place)
-    except ValueError:  # which is said when it is loaded
+    except ValueError:  # loading reports it
         return False
 
 
@@ -73,15 +70,19 @@ def _at(path: Path) -> Path | None:
     try:
         directory = path.parent if path.name in _FILES and path.is_file() else path
         return directory if any((directory / file).is_file() for file in _FILES) else None
-    except (OSError, ValueError):  # a name that is none of a file
+    except (OSError, ValueError):  # not a possible file name
         return None
 
 
-def need(what: str, *modules: str) -> None:
-    """See that the libraries are there that agents learn with, without importing them.
+def require_libraries(what: str, *modules: str) -> None:
+    """Check that the libraries for training are installed, without importing them.
+
+    Args:
+        what: what needs them, for the message.
+        modules: further modules to check.
 
     Raises:
-        ValueError: one is not installed.
+        ValueError: A library is not installed.
     """
     for module in ("torch", "stable_baselines3", "sb3_contrib", *modules):
         if importlib.util.find_spec(module) is None:

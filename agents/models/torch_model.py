@@ -1,4 +1,4 @@
-"""Models in torch: as they are built, trained and saved, and flown if nothing else knows them."""
+"""Models in torch: built, saved, loaded for training, and flown where no kernels exist."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ from torch import Tensor
 
 from agents.models import networks, weights
 from agents.models.architecture import architecture_of
-from agents.models.inference.activations import Single
-from agents.models.inference.forward import Forward
+from agents.models.inference.activations import Float32Array
+from agents.models.inference.forward import CompiledNetwork
 from agents.models.model import MODEL, Model, Network, directory_of
-from agents.models.model_card import CARD, Card, read_card, write_card
+from agents.models.model_card import CARD, ModelCard, read_card, write_card
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import settings_of
@@ -29,96 +29,103 @@ from ferguson_gym.spaces import action_space, observation_space
 from ferguson_gym.world.actions import Action
 
 BLOCK = 16
-"""Rows that a network is asked about at a time."""
+"""Batch size of every forward pass in flight."""
 _PICKLED = "policy.pth"
-"""Weights as the library saves them."""
-WIDEST, DEEPEST = 8192, 64
-"""Of the networks that are built: a card can ask for any number of units and layers."""
+"""Entry of the zip with the weights as Stable-Baselines3 saves them."""
+MAX_WIDTH, MAX_LAYERS = 8192, 64
+"""Limits on the networks that are built, since a card may ask for any size."""
 _NOT_DATA = ("learning_rate", "lr_schedule", "clip_range", "clip_range_vf", "ep_info_buffer")
-"""Attributes left out of the zip: functions of a training that is over."""
+"""Attributes left out of the zip: schedules and buffers of a finished training."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Learned:
-    """A policy with all that is trained of it, and what is known of it."""
+class TorchModel:
+    """A policy of Stable-Baselines3, critic included, and its card."""
 
     policy: BasePolicy
-    """On the processor."""
-    card: Card
+    """Its weights are on the CPU."""
+    card: ModelCard
 
     @property
-    def weights(self) -> dict[str, Single]:
-        """What the policy has learned, shared with it; what has two names is there once."""
+    def weights(self) -> dict[str, Float32Array]:
+        """Weights by name, sharing the policy's memory; tied weights appear once."""
         return {name: value.numpy() for name, value in _distinct(self.policy).items()}
 
     @property
     def model(self) -> Model:
-        """As it flies, from its weights as they are now."""
+        """The model for flight; compiled kernels get a copy of the current weights."""
         architecture = architecture_of(self.card)
         network: Network = (
             TorchNetwork(self.policy)
             if architecture is None
-            else Forward(architecture, self.weights)
+            else CompiledNetwork(architecture, self.weights)
         )
         return Model(network, self.card)
 
 
 def _distinct(policy: BasePolicy) -> dict[str, Tensor]:
-    """Weights under the first of their names: actor and critic may share them."""
+    """Weights under the first of their names; actor and critic may share some."""
     found: dict[int, tuple[str, Tensor]] = {}
     for name, value in policy.state_dict().items():
         found.setdefault(value.data_ptr(), (name, value))
     return dict(found.values())
 
 
-def build(card: Card, where: str = "") -> BasePolicy:
-    """The network that a card describes, with weights drawn at random.
+def build(card: ModelCard, where: str = "") -> BasePolicy:
+    """Build the network that a card describes, with random weights.
+
+    Args:
+        card: the description.
+        where: begins the message of an error.
 
     Raises:
-        ValueError: no network can be built of it; the message begins with `where`.
+        ValueError: The card describes no valid network.
     """
     try:
         _check_sizes(card.policy_kwargs)
         kind = networks.policy_class(card.algorithm, card.policy)
-        kwargs = networks.features(card.policy, card.policy_kwargs)
-        seen = observation_space(settings_of(card.environment))
-        return kind(seen, action_space(), lambda _: 0.0, **kwargs)
+        kwargs = networks.sb3_policy_kwargs(card.policy, card.policy_kwargs)
+        observation = observation_space(settings_of(card.environment))
+        return kind(observation, action_space(), lambda _: 0.0, **kwargs)
     except (ValueError, TypeError, AssertionError, RuntimeError, KeyError) as error:
         raise ValueError(f"{where}{_first_line(error)}") from None
 
 
 def _check_sizes(given: object) -> None:
-    """Refuse networks of sizes that would take the memory, or hours to fill with random weights."""
+    """Refuse networks that would exhaust the memory or take hours to initialise."""
     if isinstance(given, Mapping):
         given = list(given.values())
     if isinstance(given, (list, tuple)):
-        if len(given) > DEEPEST:
-            raise ValueError(f"at most {DEEPEST} layers, got {len(given)}")
+        if len(given) > MAX_LAYERS:
+            raise ValueError(f"at most {MAX_LAYERS} layers, got {len(given)}")
         for one in given:
             _check_sizes(one)
-    elif isinstance(given, int) and given > WIDEST:
-        raise ValueError(f"layers of at most {WIDEST} units, got {given}")
+    elif isinstance(given, int) and given > MAX_WIDTH:
+        raise ValueError(f"layers of at most {MAX_WIDTH} units, got {given}")
 
 
-def save(directory: Path, model: BaseAlgorithm, card: Card) -> None:
-    """Write a model into a directory that exists; each file is written whole.
+def save(directory: Path, model: BaseAlgorithm, card: ModelCard) -> None:
+    """Write a model into an existing directory; each file is written atomically.
 
-    The library's own zip, which it goes on with, and in it the weights once more as flights read
-    them, without torch.
+    `model.zip` is the zip of Stable-Baselines3, from which training can resume. The weights are
+    added to it as arrays, which flights read without torch.
+
+    Raises:
+        ValueError: The card has a number that is not finite; nothing is written.
     """
-    card.to_json()  # what it refuses, it refuses before anything is written
+    card.to_json()  # raises before anything is written
     with atomic_write(directory / MODEL) as temporary:
         model.save(temporary, exclude=_NOT_DATA)
         with zipfile.ZipFile(temporary, "a") as archive:
-            weights.write(archive, Learned(model.policy, card).weights)
+            weights.write(archive, TorchModel(model.policy, card).weights)
     write_card(directory, card)
 
 
-def slim(source: Path, directory: Path) -> None:
-    """Copy a model's weights and card, and nothing that only training needs.
+def export(source: Path, directory: Path) -> None:
+    """Copy a model's weights and card without the state of its training, as agents are shipped.
 
     Raises:
-        ValueError: as `load`.
+        ValueError: As `load`.
     """
     learned = load(source)
     directory.mkdir(parents=True, exist_ok=True)
@@ -127,11 +134,14 @@ def slim(source: Path, directory: Path) -> None:
     write_card(directory, learned.card)
 
 
-def load(place: str | Path) -> Learned:
-    """The policy that lies in a directory, or beside its `model.zip`, to be trained or flown.
+def load(place: str | Path) -> TorchModel:
+    """Load a policy in torch, to train it further or to fly it.
+
+    Args:
+        place: directory of the model, or the `model.zip` in it.
 
     Raises:
-        ValueError: as `agents.models.loading.load`.
+        ValueError: As `agents.models.loading.load`.
     """
     directory = directory_of(place)
     card = read_card(directory / CARD)
@@ -143,13 +153,17 @@ def load(place: str | Path) -> Learned:
             for name, value in own.items():
                 value.copy_(torch.from_numpy(read[name]))
     else:
-        _take(policy, _unpickled(path), path)
+        _load_state(policy, _read_state(path), path)
     policy.set_training_mode(False)
-    return Learned(policy, card)
+    return TorchModel(policy, card)
 
 
-def _take(policy: BasePolicy, given: Mapping[str, Tensor], path: Path) -> None:
-    """Give a policy the weights of a file, if they are its own."""
+def _load_state(policy: BasePolicy, given: Mapping[str, Tensor], path: Path) -> None:
+    """Load weights into a policy.
+
+    Raises:
+        ValueError: The weights do not fit the policy, or are not finite.
+    """
     try:
         policy.load_state_dict(given)
     except (RuntimeError, TypeError, AttributeError) as error:
@@ -161,23 +175,25 @@ def _take(policy: BasePolicy, given: Mapping[str, Tensor], path: Path) -> None:
         raise ValueError(f"{path}: weights that are not finite")
 
 
-def _unpickled(path: Path) -> dict[str, Tensor]:
-    """Weights of a model that has no others; torch's reader of weights takes nothing else."""
+def _read_state(path: Path) -> dict[str, Tensor]:
+    """Weights of a model saved without arrays, read by torch's loader of weights alone."""
     try:
         with zipfile.ZipFile(path) as archive:
-            if (size := archive.getinfo(_PICKLED).file_size) > 4 * weights.MOST:
-                raise ValueError(f"{path}: {size:,} bytes of weights; at most {4 * weights.MOST:,}")
-            # at once: torch would go to and fro in it, and each time unpack from the beginning
+            if (size := archive.getinfo(_PICKLED).file_size) > 4 * weights.MAX_WEIGHTS:
+                raise ValueError(
+                    f"{path}: {size:,} bytes of weights; at most {4 * weights.MAX_WEIGHTS:,}"
+                )
+            # read at once: torch seeks back and forth, and each seek would unpack from the start
             file = io.BytesIO(archive.read(_PICKLED))
     except KeyError:
         raise ValueError(
-            f"{path}: no weights in it: cut short, or no model that was saved here"
+            f"{path}: no weights in it: cut short, or not saved by this package"
         ) from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError):
         raise ValueError(f"{path}: not a zip file, or damaged") from None
     try:
         read = torch.load(file, map_location="cpu", weights_only=True)
-    except Exception as error:  # torch promises no kinds; whatever it is, these are no weights
+    except Exception as error:  # torch documents no types of error
         raise ValueError(
             f"{path}: {_PICKLED} does not hold weights alone, and nothing else is read "
             f"({type(error).__name__})"
@@ -188,19 +204,19 @@ def _unpickled(path: Path) -> dict[str, Tensor]:
 
 
 def _first_line(error: BaseException) -> str:
-    """Of a message that may be long, what matters."""
+    """The informative line of a library's message, which may be long."""
     lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     return lines[1] if len(lines) > 1 and lines[0].endswith(":") else " ".join(lines[:1])
 
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Let torch compute with one thread; then with as many as before.
+    """Limit torch to one thread within the block.
 
-    Not for single steps: threads that are called back burn processor time until they sleep.
+    Use it around many steps, not each one: threads that are woken up spin before they sleep.
     """
     before = torch.get_num_threads()
-    # even if it says one: that is OpenMP's number, not that of the library of matrix products
+    # also where the count is one: that is OpenMP's, and the BLAS library has its own
     torch.set_num_threads(1)
     try:
         yield
@@ -209,48 +225,50 @@ def one_thread() -> Iterator[None]:
 
 
 class TorchNetwork:
-    """A policy of torch as a `agents.models.model.Network`.
+    """A torch policy as an `agents.models.model.Network`.
 
-    A matrix product of another number of rows may differ in its last bit, and a flight with it. So
-    the policy is always asked about `BLOCK` rows, the last ones empty if need be, by one thread:
-    then a row is treated alike whatever stands beside it.
+    The last bit of a matrix product may depend on the number of rows. Forward passes therefore
+    always have `BLOCK` rows, padded with zeros, and one thread: an action then does not depend on
+    the other rows.
     """
 
     def __init__(self, policy: BasePolicy) -> None:
         self.policy = policy
-        self._alone = False
+        self._one_thread_set = False
 
-    def act(self, seen: Observation) -> Action:
-        """The actions (n, 4) that the policy thinks best.
+    def act(self, observation: Observation) -> Action:
+        """Deterministic actions (n, 4); a row's action does not depend on the other rows.
 
-        Torch computes with one thread from then on; `at_work` gives it back what it had.
+        Torch keeps one thread afterwards; `session` restores the previous number.
 
         Args:
-            seen: (n, size) of each entry.
+            observation: entries of shape (n, size).
         """
-        # often: Numba sets OpenMP's number, which is torch's, when it starts its own threads
-        if not self._alone or torch.get_num_threads() != 1:
+        # checked at each call: Numba resets OpenMP's number, which is torch's, with its own threads
+        if not self._one_thread_set or torch.get_num_threads() != 1:
             torch.set_num_threads(1)
-            self._alone = True
-        policy, number = self.policy, len(next(iter(seen.values())))
+            self._one_thread_set = True
+        policy, number = self.policy, len(next(iter(observation.values())))
         actions = np.empty((number, 4), np.float32)
-        block = {k: np.empty((BLOCK, *value.shape[1:]), np.float32) for k, value in seen.items()}
+        block = {
+            k: np.empty((BLOCK, *value.shape[1:]), np.float32) for k, value in observation.items()
+        }
         asked = {key: torch.from_numpy(value) for key, value in block.items()}
-        if policy.training:  # a walk through all modules, which costs as much as the network
+        if policy.training:  # the call visits all modules and costs as much as a pass
             policy.set_training_mode(False)
         with torch.no_grad():
             for first in range(0, number, BLOCK):
                 last = min(first + BLOCK, number)
-                for key, value in seen.items():
+                for key, value in observation.items():
                     block[key][: last - first] = value[first:last]
                     block[key][last - first :] = 0.0
                 chosen = policy._predict(asked, deterministic=True)
                 actions[first:last] = chosen.numpy()[: last - first]
-        # as `policy.predict` does it
+        # as in `policy.predict`
         return policy.unscale_action(actions) if policy.squash_output else np.clip(actions, -1, 1)
 
     @contextmanager
-    def at_work(self) -> Iterator[None]:
-        """Keep torch to one thread meanwhile."""
+    def session(self) -> Iterator[None]:
+        """Limit torch to one thread within the block."""
         with one_thread():
             yield

@@ -51,7 +51,7 @@ def _make(spec: PolicySpec) -> Policy:
 
 
 def _agent(spec: PolicySpec) -> Policy:
-    directory = shipped_agents.find(spec.agent)
+    directory = shipped_agents.find_agent(spec.agent)
     if directory is None:
         known = [*PLANNERS, *shipped_agents.shipped()]
         near = did_you_mean(spec.agent.split("+")[0], known)

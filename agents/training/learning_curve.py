@@ -14,8 +14,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from agents.flights.batched import Score, fly_batch, score
 from agents.models import loading, torch_model
 from agents.models.model import MODEL
-from agents.models.model_card import CARD, Card, read_card, write_card
-from agents.models.torch_model import Learned
+from agents.models.model_card import CARD, ModelCard, read_card, write_card
+from agents.models.torch_model import TorchModel
 from agents.runtime import provenance
 from agents.runtime.csv_files import write_csv
 from agents.runtime.interrupts import defer_interrupt
@@ -28,7 +28,7 @@ _COLUMNS = ("steps", "minutes", "success", "spl", "gap")
 _PACKAGES = ("ferguson-gym", "numpy", "torch", "stable-baselines3", "sb3-contrib", "gymnasium")
 
 
-def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: Any) -> Card:
+def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: Any) -> ModelCard:
     """The card of a run's models, before anything is known of them.
 
     Args:
@@ -37,7 +37,7 @@ def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: A
         policy_kwargs: as YAML has them.
         environment: arguments of the environment.
     """
-    return Card(
+    return ModelCard(
         algorithm=run.algorithm,
         policy=policy,
         policy_kwargs=policy_kwargs,
@@ -52,7 +52,7 @@ def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: A
 class Record:
     """Of one run; it goes on with what its directory holds."""
 
-    def __init__(self, run: Run, card: Card, steps: int = 0) -> None:
+    def __init__(self, run: Run, card: ModelCard, steps: int = 0) -> None:
         """A run that goes on after so many steps forgets what came after them.
 
         Raises:
@@ -84,7 +84,7 @@ class Record:
             also: what else belongs into the curve.
         """
         found = score(
-            fly_batch(Learned(model.policy, self._card).model, get_fields(self._run.chosen_on))
+            fly_batch(TorchModel(model.policy, self._card).model, get_fields(self._run.chosen_on))
         )
         row = {
             "steps": steps,
@@ -106,7 +106,7 @@ class Record:
         self._run.terminal.note(line(row))
         return found
 
-    def finish(self) -> Card:
+    def finish(self) -> ModelCard:
         """Fly the best model through the fields that are reported, and make it the final one."""
         best = loading.load(self._best)
         with defer_interrupt():

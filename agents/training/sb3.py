@@ -20,8 +20,8 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.models import networks, torch_model
 from agents.models.architecture import ON_POLICY
-from agents.models.model_card import Card, check_environment
-from agents.models.torch_model import Learned
+from agents.models.model_card import ModelCard, check_environment
+from agents.models.torch_model import TorchModel
 from agents.runtime.interrupts import Interrupt, defer_interrupt
 from agents.runtime.jobs import DONE, Job
 from agents.training import checkpoint as training_checkpoint
@@ -88,7 +88,7 @@ def prepare(run: Run) -> Job:
     return job
 
 
-def starting_model(run: Run) -> Learned:
+def starting_model(run: Run) -> TorchModel:
     """The model that a run begins with.
 
     Raises:
@@ -102,7 +102,7 @@ def starting_model(run: Run) -> Learned:
     return start
 
 
-def card_for(run: Run, start: Learned | None) -> Card:
+def card_for(run: Run, start: TorchModel | None) -> ModelCard:
     """The card of the run's models; what it begins with decides on the network and what it sees.
 
     Raises:
@@ -121,7 +121,7 @@ def card_for(run: Run, start: Learned | None) -> Card:
     return card
 
 
-def _learner(run: Run, card: Card, pace: TrainingBudget) -> BaseAlgorithm:
+def _learner(run: Run, card: ModelCard, pace: TrainingBudget) -> BaseAlgorithm:
     """The algorithm, with weights drawn at random.
 
     Raises:
@@ -143,7 +143,7 @@ def _learner(run: Run, card: Card, pace: TrainingBudget) -> BaseAlgorithm:
             envs,
             seed=seed,
             device="cpu",
-            policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+            policy_kwargs=networks.sb3_policy_kwargs(card.policy, card.policy_kwargs),
             **arguments,
         )
     except (ValueError, TypeError, AssertionError, ZeroDivisionError, RuntimeError) as error:

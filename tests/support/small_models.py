@@ -9,8 +9,8 @@ from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents.models import networks, torch_model
-from agents.models.model_card import Card
-from agents.models.torch_model import Learned
+from agents.models.model_card import ModelCard
+from agents.models.torch_model import TorchModel
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
@@ -18,8 +18,8 @@ RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 4, "focus": 6.0}
 
 
-def card_of(algorithm: str = "ppo", environment: dict[str, Any] | None = None) -> Card:
-    return Card(
+def card_of(algorithm: str = "ppo", environment: dict[str, Any] | None = None) -> ModelCard:
+    return ModelCard(
         algorithm=algorithm,
         policy="mlp",
         policy_kwargs={"net_arch": [24, 24], "activation_fn": "tanh"},
@@ -27,7 +27,7 @@ def card_of(algorithm: str = "ppo", environment: dict[str, Any] | None = None) -
     )
 
 
-def learned(algorithm: str, environment: dict[str, Any]) -> Learned:
+def learned(algorithm: str, environment: dict[str, Any]) -> TorchModel:
     """A policy that flies some way before it ends."""
     torch.manual_seed(1)
     card = card_of(algorithm, environment)
@@ -36,10 +36,10 @@ def learned(algorithm: str, environment: dict[str, Any]) -> Learned:
         for name, parameter in policy.named_parameters():
             if name in ("action_net.weight", "actor.mu.weight", "actor.mu.0.weight"):
                 parameter *= 0.3
-    return Learned(policy, card)
+    return TorchModel(policy, card)
 
 
-def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
+def saved(directory: Path, card: ModelCard | None = None, seed: int = 0) -> Path:
     """The directory, with a model in it."""
     card = card or card_of()
     envs = ObstacleFieldVecEnv(1, fields=1, **card.environment)
@@ -49,7 +49,7 @@ def saved(directory: Path, card: Card | None = None, seed: int = 0) -> Path:
         envs,
         seed=seed,
         device="cpu",
-        policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+        policy_kwargs=networks.sb3_policy_kwargs(card.policy, card.policy_kwargs),
         **few or {"buffer_size": 10},
     )
     directory.mkdir(parents=True, exist_ok=True)

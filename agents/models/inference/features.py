@@ -1,34 +1,40 @@
-"""Features of observations, compiled, as `agents.models.extractors` computes them."""
+"""Compiled features of observations; `agents.models.extractors` computes the same in torch."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from agents.models.inference.activations import Single, exponential, relu
+from agents.models.inference.activations import Float32Array, exponential, relu
 from agents.models.inference.matmul import add_product, affine
 from ferguson_gym.runtime.jit import compiled
 
-OWN = 15
-"""Numbers made of goal and vehicle."""
-DISC = 7
-"""Numbers made of an obstacle."""
-NEARER = (5.0, 14.0)
-"""Distances to the goal are shown so many times larger as well, up to 1."""
-FALL = 8.0
-"""How steeply nearness falls with distance, in parts of the view."""
-USUAL = 8.0
-"""A sum over obstacles is divided by this, and stays near one for the usual dozen."""
-GRAIN = 1e-3
-"""Added to an obstacle's distance before its direction is formed."""
+VEHICLE_SIZE = 15
+"""Number of features of goal and vehicle."""
+DISC_SIZE = 7
+"""Number of features of an obstacle before the deep-sets layers."""
+GOAL_SCALES = (5.0, 14.0)
+"""Factors at which the distance to the goal is added on finer scales, clamped to 1."""
+NEARNESS_DECAY = 8.0
+"""Decay rate of nearness with distance, per length of the view."""
+POOL_SCALE = 8.0
+"""Divisor of the sum over obstacles, which keeps it near one for a dozen of them."""
+DIRECTION_OFFSET = 1e-3
+"""Added to the distance of an obstacle before the division that gives its direction."""
 
-_CLOSER, _CLOSEST = (np.float32(scale) for scale in NEARER)
-_STEEP, _GRAIN, _SHARE = np.float32(-FALL), np.float32(GRAIN), np.float32(1.0 / USUAL)
+_CLOSER, _CLOSEST = (np.float32(scale) for scale in GOAL_SCALES)
+_DECAY, _OFFSET, _POOL = (
+    np.float32(-NEARNESS_DECAY),
+    np.float32(DIRECTION_OFFSET),
+    np.float32(1.0 / POOL_SCALE),
+)
 _ZERO, _HALF, _ONE = (np.float32(value) for value in (0.0, 0.5, 1.0))
 
 
 @compiled
-def _own(features: Single, i: int, at: int, goal: Single, vehicle: Single) -> None:
-    """Fill in OWN numbers of a row: goal and vehicle, the goal on finer scales too."""
+def _own(
+    features: Float32Array, i: int, at: int, goal: Float32Array, vehicle: Float32Array
+) -> None:
+    """Write VEHICLE_SIZE features of row i: goal and vehicle, the goal on finer scales too."""
     for k in range(3):
         features[i, at + k] = goal[i, k]
     for k in range(6):
@@ -42,65 +48,71 @@ def _own(features: Single, i: int, at: int, goal: Single, vehicle: Single) -> No
 
 
 @compiled
-def _rays(features: Single, i: int, at: int, rays: Single) -> None:
-    """Fill in 2 R numbers of a row: ranges, and how near their ends are."""
+def _rays(features: Float32Array, i: int, at: int, rays: Float32Array) -> None:
+    """Write 2 R features of row i: ranges of the rays and the nearness of their ends."""
     number = rays.shape[1]
     for k in range(number):
         features[i, at + k] = rays[i, k]
-        features[i, at + number + k] = exponential(_STEEP * rays[i, k])
+        features[i, at + number + k] = exponential(_DECAY * rays[i, k])
 
 
 @compiled
-def _disc(discs: Single, i: int, seen: Single, j: int, at: int) -> None:
-    """Fill in a row (DISC,): an obstacle as it is seen, its direction, and how near it is."""
+def _disc(discs: Float32Array, i: int, obstacles: Float32Array, j: int, at: int) -> None:
+    """Write row i (DISC_SIZE,): an obstacle's entries, its direction and its nearness."""
     for k in range(4):
-        discs[i, k] = seen[j, at + k]
-    x, y = seen[j, at], seen[j, at + 1]
-    away = np.sqrt(x * x + y * y) + _GRAIN
+        discs[i, k] = obstacles[j, at + k]
+    x, y = obstacles[j, at], obstacles[j, at + 1]
+    away = np.sqrt(x * x + y * y) + _OFFSET
     discs[i, 4] = x / away
     discs[i, 5] = y / away
-    discs[i, 6] = exponential(_STEEP * seen[j, at + 3])
+    discs[i, 6] = exponential(_DECAY * obstacles[j, at + 3])
 
 
 @compiled
-def plain(goal: Single, vehicle: Single, mask: Single, obstacles: Single, rays: Single) -> Single:
-    """Features (n, OWN + K + 4 K + 2 R) as `agents.models.extractors.Plain` has them.
+def plain(
+    goal: Float32Array,
+    vehicle: Float32Array,
+    mask: Float32Array,
+    obstacles: Float32Array,
+    rays: Float32Array,
+) -> Float32Array:
+    """Features (n, VEHICLE_SIZE + K + 4 K + 2 R) of `agents.models.extractors.Plain`.
 
     Args:
         goal: (n, 3).
         vehicle: (n, 6).
-        mask: (n, K); K is 0 where no obstacles are seen.
+        mask: (n, K); K is 0 if obstacles are not observed.
         obstacles: (n, 4 K).
         rays: (n, R); R is 0 without rays.
     """
     number, count, most = len(goal), mask.shape[1], obstacles.shape[1]
-    features = np.empty((number, OWN + count + most + 2 * rays.shape[1]), np.float32)
+    features = np.empty((number, VEHICLE_SIZE + count + most + 2 * rays.shape[1]), np.float32)
     for i in range(number):
         _own(features, i, 0, goal, vehicle)
         for k in range(count):
-            features[i, OWN + k] = mask[i, k]
+            features[i, VEHICLE_SIZE + k] = mask[i, k]
         for k in range(most):
-            features[i, OWN + count + k] = obstacles[i, k]
-        _rays(features, i, OWN + count + most, rays)
+            features[i, VEHICLE_SIZE + count + k] = obstacles[i, k]
+        _rays(features, i, VEHICLE_SIZE + count + most, rays)
     return features
 
 
 @compiled
 def sets(
-    goal: Single,
-    vehicle: Single,
-    mask: Single,
-    obstacles: Single,
-    rays: Single,
-    of_disc: Single,
-    of_vehicle: Single,
-    bias: Single,
-    then: Single,
-    then_bias: Single,
-) -> Single:
-    """Features (n, 2 width + OWN + 2 R) as `agents.models.extractors.DeepSets` has them.
+    goal: Float32Array,
+    vehicle: Float32Array,
+    mask: Float32Array,
+    obstacles: Float32Array,
+    rays: Float32Array,
+    of_disc: Float32Array,
+    of_vehicle: Float32Array,
+    bias: Float32Array,
+    then: Float32Array,
+    then_bias: Float32Array,
+) -> Float32Array:
+    """Features (n, 2 width + VEHICLE_SIZE + 2 R) of `agents.models.extractors.DeepSets`.
 
-    Obstacles that are not there are passed over: they would add nothing.
+    Padding rows are skipped, because they add nothing.
 
     Args:
         goal: (n, 3).
@@ -108,42 +120,42 @@ def sets(
         mask: (n, K).
         obstacles: (n, 4 K).
         rays: (n, R); R is 0 without rays.
-        of_disc: weights (DISC, width) of the first layer for an obstacle.
-        of_vehicle: weights (OWN, width) of the first layer for goal and vehicle.
+        of_disc: weights (DISC_SIZE, width) of the first layer for an obstacle.
+        of_vehicle: weights (VEHICLE_SIZE, width) of the first layer for goal and vehicle.
         bias: (width,) of the first layer.
         then: weights (width, width) of the second layer.
         then_bias: (width,) of the second layer.
     """
     number, width = len(goal), len(bias)
-    own = np.empty((number, OWN), np.float32)
+    own = np.empty((number, VEHICLE_SIZE), np.float32)
     for i in range(number):
         _own(own, i, 0, goal, vehicle)
     shared = affine(own, of_vehicle, bias)
-    discs = np.empty((mask.size, DISC), np.float32)
-    whose = np.empty(mask.size, np.int64)
+    discs = np.empty((mask.size, DISC_SIZE), np.float32)
+    owner = np.empty(mask.size, np.int64)
     count = 0
     for i in range(number):
         for k in range(mask.shape[1]):
             if mask[i, k] > _HALF:
                 _disc(discs, count, obstacles, i, 4 * k)
-                whose[count] = i
+                owner[count] = i
                 count += 1
     first = np.empty((count, width), np.float32)
     for m in range(count):
         for j in range(width):
-            first[m, j] = shared[whose[m], j]
+            first[m, j] = shared[owner[m], j]
     add_product(discs, of_disc, first)
     relu(first)
     second = affine(first, then, then_bias)
     relu(second)
-    features = np.zeros((number, 2 * width + OWN + 2 * rays.shape[1]), np.float32)
+    features = np.zeros((number, 2 * width + VEHICLE_SIZE + 2 * rays.shape[1]), np.float32)
     for m in range(count):
-        i = whose[m]
+        i = owner[m]
         for j in range(width):
             each, most = second[m, j], features[i, width + j]
-            features[i, j] += each * _SHARE
+            features[i, j] += each * _POOL
             features[i, width + j] = most if most > each else each
     for i in range(number):
         _own(features, i, 2 * width, goal, vehicle)
-        _rays(features, i, 2 * width + OWN, rays)
+        _rays(features, i, 2 * width + VEHICLE_SIZE, rays)
     return features

@@ -1,4 +1,4 @@
-"""Networks that fly without torch: compiled, and the same answer to a row in any batch."""
+"""Forward pass of an actor network by compiled kernels, without torch."""
 
 from __future__ import annotations
 
@@ -8,24 +8,24 @@ from typing import TypeAlias
 
 import numpy as np
 
-from agents.models.architecture import ACTION, Architecture
+from agents.models.architecture import ACTION_SIZE, Architecture
 from agents.models.inference import features, heads
-from agents.models.inference.activations import ACTIVATIONS, Single
+from agents.models.inference.activations import ACTIVATIONS, Float32Array
 from agents.models.inference.matmul import affine
 from agents.models.weights import Weights
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
 
-_Layer: TypeAlias = tuple[Single, Single]
+_Layer: TypeAlias = tuple[Float32Array, Float32Array]
 """Weights (in, out) and bias (out,)."""
 
 
-class Forward:
-    """An actor as numbers (`agents.models.model.Network`); it does what it thinks best.
+class CompiledNetwork:
+    """An actor network that runs without torch (an `agents.models.model.Network`).
 
     Args:
-        architecture: what it is made of.
-        weights: of the shapes that the architecture has; others are not looked at.
+        architecture: sizes and kinds of the layers.
+        weights: arrays of the names and shapes of `architecture.shapes`; others are ignored.
     """
 
     def __init__(self, architecture: Architecture, weights: Weights) -> None:
@@ -38,51 +38,55 @@ class Forward:
         self._activate = ACTIVATIONS[architecture.activation]
         self._components = architecture.components
 
-    def act(self, seen: Observation) -> Action:
-        """The actions (n, 4); of each row the same, whatever the others.
+    def act(self, observation: Observation) -> Action:
+        """Deterministic actions (n, 4); a row's action does not depend on the other rows.
 
         Args:
-            seen: (n, size) of each entry.
+            observation: entries of shape (n, size).
         """
-        rows = self._features(seen)
+        rows = self._features(observation)
         for layer in self._hidden:
             rows = affine(rows, *layer)
             self._activate(rows)
         rows = affine(rows, *self._last)
         if self._components is None:
-            return heads.mean(rows, ACTION)
-        return heads.mode(rows, ACTION, self._components)
+            return heads.gaussian_mode(rows, ACTION_SIZE)
+        return heads.mixture_mode(rows, ACTION_SIZE, self._components)
 
     @contextmanager
-    def at_work(self) -> Iterator[None]:
-        """Nothing is to be prepared."""
+    def session(self) -> Iterator[None]:
+        """Context for many calls; nothing needs to be prepared."""
         yield
 
 
 def _layer(weights: Weights, name: str) -> _Layer:
-    return _turned(weights[f"{name}.weight"]), weights[f"{name}.bias"].copy()
+    return _transposed(weights[f"{name}.weight"]), weights[f"{name}.bias"].copy()
 
 
-def _turned(matrix: Single) -> Single:
-    """A matrix (out, in), as torch has it, as (in, out)."""
+def _transposed(matrix: Float32Array) -> Float32Array:
+    """A weight matrix (out, in) of torch as a contiguous (in, out)."""
     return np.array(matrix.T, order="C")
 
 
-def _features(architecture: Architecture, weights: Weights) -> Callable[[Observation], Single]:
-    """What makes features (n, features) of an observation."""
+def _features(
+    architecture: Architecture, weights: Weights
+) -> Callable[[Observation], Float32Array]:
+    """The function that computes features (n, features) of an observation."""
     if architecture.width is None:
-        return lambda seen: features.plain(*_entries(seen))
+        return lambda observation: features.plain(*_entries(observation))
     of_disc, bias = _layer(weights, "features_extractor.obstacle")
-    of_vehicle = _turned(weights["features_extractor.vehicle.weight"])
+    of_vehicle = _transposed(weights["features_extractor.vehicle.weight"])
     layers = (of_disc, of_vehicle, bias, *_layer(weights, "features_extractor.then"))
-    return lambda seen: features.sets(*_entries(seen), *layers)
+    return lambda observation: features.sets(*_entries(observation), *layers)
 
 
-def _entries(seen: Observation) -> tuple[Single, Single, Single, Single, Single]:
-    """Goal, vehicle, mask, obstacles and rays, without columns where they are not seen."""
-    nothing = np.empty((len(seen["goal"]), 0), np.float32)
+def _entries(
+    observation: Observation,
+) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
+    """Goal, vehicle, mask, obstacles and rays; entries not observed have no columns."""
+    nothing = np.empty((len(observation["goal"]), 0), np.float32)
     goal, vehicle, mask, obstacles, rays = (
-        np.ascontiguousarray(seen.get(key, nothing), np.float32)
+        np.ascontiguousarray(observation.get(key, nothing), np.float32)
         for key in ("goal", "vehicle", "mask", "obstacles", "rays")
     )
     return goal, vehicle, mask, obstacles, rays

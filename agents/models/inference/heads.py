@@ -1,46 +1,46 @@
-"""What a policy thinks best, of its last layer: a Gaussian's mean, or a mixture's way; compiled."""
+"""Compiled heads: deterministic actions from the last layer, for a Gaussian or a mixture."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from agents.models.inference.activations import Single, exponential
+from agents.models.inference.activations import Float32Array, exponential
 from ferguson_gym.runtime.jit import compiled
 
-LIKE = 0.08
-"""How near the means of a mixture's components are that mean the same way, as actions go."""
-SCALE = 0.3
-"""Of a mixture's means, so that they begin where flights are flown."""
+AGREEMENT = 0.08
+"""Length scale on which two components of a mixture count as one mode, in units of actions."""
+MEAN_SCALE = 0.3
+"""Scale of a mixture's means: initial ones then lie in the range of usual actions."""
 
-_FALL = np.float32(-1.0 / (2.0 * LIKE**2))
-_SCALE, _ZERO, _ONE = np.float32(SCALE), np.float32(0.0), np.float32(1.0)
+_FALL = np.float32(-1.0 / (2.0 * AGREEMENT**2))
+_SCALE, _ZERO, _ONE = np.float32(MEAN_SCALE), np.float32(0.0), np.float32(1.0)
 
 
 @compiled
-def _clip(actions: Single) -> None:
+def _clip(actions: Float32Array) -> None:
     for i in range(actions.shape[0]):
         for d in range(actions.shape[1]):
-            action = actions[i, d]  # what is no number stays so, and is refused where it is flown
+            action = actions[i, d]  # NaN passes; the environment refuses it
             action = -_ONE if action < -_ONE else action
             actions[i, d] = _ONE if action > _ONE else action
 
 
 @compiled
-def mean(rows: Single, size: int) -> Single:
-    """Actions (n, size) in [-1, 1]: the mean of a Gaussian, which is what the layer says."""
+def gaussian_mode(rows: Float32Array, size: int) -> Float32Array:
+    """Actions (n, size) in [-1, 1]: the mean of a Gaussian, which is the output of the layer."""
     actions = rows[:, :size].copy()
     _clip(actions)
     return actions
 
 
 @compiled
-def mode(rows: Single, size: int, components: int) -> Single:
-    """Actions (n, size) in [-1, 1], as `agents.models.mixture.Mixture.mode` has them.
+def mixture_mode(rows: Float32Array, size: int, components: int) -> Float32Array:
+    """Actions (n, size) in [-1, 1] as `agents.models.mixture.Mixture.mode` computes them.
 
     Args:
-        rows: (n, components (1 + 2 size)) or wider, what the layer says.
-        size: of actions.
-        components: of the mixture.
+        rows: (n, components (1 + 2 size)) or wider, output of the layer.
+        size: number of entries of an action.
+        components: number of Gaussians.
     """
     step = 1 + 2 * size
     actions = np.full((len(rows), size), np.nan, np.float32)
@@ -62,7 +62,7 @@ def mode(rows: Single, size: int, components: int) -> Single:
                     apart += away * away
                 alike[b] = exponential(_FALL * apart) * weights[b]
                 total += alike[b]
-            if total > most:  # of equals the first
+            if total > most:  # the first of equals
                 most = total
                 for d in range(size):
                     way = _ZERO

@@ -1,29 +1,28 @@
-"""Matrix products in single precision, compiled: a row has the same answer in any batch.
+"""Compiled matrix products in single precision whose rows do not depend on the batch.
 
-A network's answer must not depend on what else it is asked at the same time, or flights would
-depend on how many are in the air. Libraries of matrix products sum in another order for another
-number of rows, and even for another place among the same number of rows. Here each element is a
-sum in the order of its terms, and each product and each sum is rounded once, so that it is the
-same in any batch and on any processor.
+An action must not depend on the other rows of its batch, or a flight would depend on how many
+others are flown with it. BLAS libraries change the order of summation with the number of rows and
+with the position of a row. Here each element is summed in the order of its terms, and each product
+and each sum is rounded once: the result is the same in any batch and on any processor.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from agents.models.inference.activations import Single
+from agents.models.inference.activations import Float32Array
 from ferguson_gym.runtime.jit import compiled
 
 ROWS = 4
-"""Rows that are worked on together, so that each weight is read once for all of them."""
+"""Rows computed together, so that each weight is loaded once for all of them."""
 
 
 @compiled
-def add_product(given: Single, weights: Single, sums: Single) -> None:
-    """Add a product to sums.
+def add_product(given: Float32Array, weights: Float32Array, sums: Float32Array) -> None:
+    """Add `given @ weights` to `sums`, in place.
 
     Args:
-        given: (n, in) or larger; the rest is not read.
+        given: (n, in) or larger; further rows and columns are not read.
         weights: (in, out).
         sums: (n, out).
     """
@@ -47,8 +46,8 @@ def add_product(given: Single, weights: Single, sums: Single) -> None:
 
 
 @compiled
-def affine(given: Single, weights: Single, bias: Single) -> Single:
-    """A layer of a network: (n, out), where `weights` is (in, out) and `bias` (out,)."""
+def affine(given: Float32Array, weights: Float32Array, bias: Float32Array) -> Float32Array:
+    """Return `given @ weights + bias` (n, out) for weights (in, out) and a bias (out,)."""
     sums = np.empty((len(given), len(bias)), np.float32)
     for i in range(len(given)):
         for j in range(len(bias)):

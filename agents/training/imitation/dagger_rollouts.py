@@ -16,8 +16,8 @@ from torch import Tensor
 
 from agents.models import torch_model
 from agents.models.model import Network
-from agents.models.model_card import Card, card_from
-from agents.models.torch_model import Learned
+from agents.models.model_card import ModelCard, parse_card
+from agents.models.torch_model import TorchModel
 from agents.training.imitation.dataset import COLUMNS, row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
@@ -44,7 +44,7 @@ _STRIDE = 7.0
 class Visit:
     """Flights to be flown and watched."""
 
-    card: Card
+    card: ModelCard
     """Of the learner."""
     weights: dict[str, Tensor]
     expert: str
@@ -80,7 +80,7 @@ class _Flight:
 def visit(asked: Visit) -> Visited:
     """Fly the learner by the actions it thinks best, and ask the expert in every state."""
     network = _network(asked)
-    with network.at_work():
+    with network.session():
         return _visit(asked, network)
 
 
@@ -143,14 +143,14 @@ def somewhere(field: Field, stream: np.random.Generator) -> transition.State:
 
 @lru_cache(maxsize=2)
 def _learner_of(text: str) -> BasePolicy:
-    return torch_model.build(card_from(text))
+    return torch_model.build(parse_card(text))
 
 
 def _network(asked: Visit) -> Network:
     """The learner as it flies; torch has one network as the card says for all of a process."""
     policy = _learner_of(asked.card.to_json())
     policy.load_state_dict(asked.weights)
-    return Learned(policy, asked.card).model.network
+    return TorchModel(policy, asked.card).model.network
 
 
 @lru_cache(maxsize=1)

@@ -29,8 +29,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from torch.utils.tensorboard import SummaryWriter
 
 from agents.models import networks
-from agents.models.model_card import Card
-from agents.models.torch_model import Learned
+from agents.models.model_card import ModelCard
+from agents.models.torch_model import TorchModel
 from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import Interrupt, defer_interrupt, raise_if_interrupted
 from agents.runtime.jobs import DONE, Job
@@ -111,7 +111,7 @@ def prepare(run: Run) -> Job:
 class _School:
     """A learner, its lessons, and how far it is."""
 
-    def __init__(self, run: Run, card: Card) -> None:
+    def __init__(self, run: Run, card: ModelCard) -> None:
         """A learner that knows nothing.
 
         Raises:
@@ -131,7 +131,7 @@ class _School:
             batch_size=2,
             seed=run.seed,
             device="cpu",
-            policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+            policy_kwargs=networks.sb3_policy_kwargs(card.policy, card.policy_kwargs),
         )
         self._cloner = self._new_cloner()
         self._rounds, self._before = 0, 0.0
@@ -170,7 +170,7 @@ class _School:
 
         return BehaviorCloning(self._shell.policy, rate, self._told["violation"])
 
-    def begin_with(self, start: Learned) -> None:
+    def begin_with(self, start: TorchModel) -> None:
         """Know what a model knows."""
         self._shell.policy.load_state_dict(start.policy.state_dict())
         self._cloner = self._new_cloner()

@@ -1,4 +1,4 @@
-"""Feature extractors: obstacles are a set, and numbers stay finite whatever is seen."""
+"""Feature extractors: obstacles are a set, and features are finite for any observation."""
 
 from typing import Any
 
@@ -54,7 +54,7 @@ def made(kind: Any, arguments: dict[str, Any]) -> Any:
     [(Plain, DISCS), (Plain, RAYS), (Plain, BOTH), *((k, a) for k in SETS for a in (DISCS, BOTH))],
 )
 @pytest.mark.parametrize("spec", ["dense/train:0", "traps/train:1", "none"])
-def test_features_have_the_size_promised_and_are_finite_as_are_their_gradients(
+def test_features_and_gradients_are_finite_and_features_have_the_documented_size(
     kind: Any, arguments: dict[str, Any], spec: str
 ) -> None:
     field = Field(name="none", obstacles=Discs([], [])) if spec == "none" else get_field(spec)
@@ -65,7 +65,7 @@ def test_features_have_the_size_promised_and_are_finite_as_are_their_gradients(
     assert torch.isfinite(features).all()
     if spec == "none" and "mask" in seen:
         assert not seen["mask"].any()
-    # of a kind that no feature can hide from: signs differ
+    # every feature contributes, with either sign
     (features * torch.sin(torch.arange(net.features_dim))).sum().backward()
     for weight in net.parameters():
         assert weight.grad is not None
@@ -91,7 +91,7 @@ def test_the_order_of_obstacles_does_not_matter(kind: Any, arguments: dict[str, 
 
 
 @pytest.mark.parametrize("kind", SETS)
-def test_what_stands_in_rows_of_padding_does_not_matter(kind: Any) -> None:
+def test_values_in_padding_rows_do_not_matter(kind: Any) -> None:
     near = {**BOTH, "view": NEAR}
     net, seen = made(kind, near), seen_in(get_field("standard/train:0"), near)
     padding = (seen["mask"] < 0.5).repeat_interleave(4, dim=1)
@@ -103,11 +103,11 @@ def test_what_stands_in_rows_of_padding_does_not_matter(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", SETS)
-def test_how_many_rows_of_padding_there_are_does_not_matter(kind: Any) -> None:
+def test_the_number_of_padding_rows_does_not_matter(kind: Any) -> None:
     net, wider = made(kind, DISCS), made(kind, {**DISCS, "nearest": 11})
     wider.load_state_dict(net.state_dict())
     seen = seen_in(get_field("dense/train:0"), DISCS)
-    assert (seen["mask"].sum(dim=1) == 6.0).any()  # of some all rows are taken
+    assert (seen["mask"].sum(dim=1) == 6.0).any()  # some observations have no padding
     more = {
         **seen,
         "mask": torch.cat([seen["mask"], torch.zeros(20, 5)], dim=1),
@@ -131,13 +131,15 @@ def test_each_obstacle_matters(kind: Any) -> None:
 
 
 @pytest.mark.parametrize("kind", SETS)
-def test_a_network_of_obstacles_refuses_rays_alone(kind: Any) -> None:
-    with pytest.raises(ValueError, match=r"a network of obstacles needs to see them: .*, not rays"):
+def test_a_policy_over_obstacles_refuses_rays_alone(kind: Any) -> None:
+    with pytest.raises(
+        ValueError, match=r"this policy needs obstacles in the observation: .*, not rays"
+    ):
         made(kind, RAYS)
 
 
 def test_heads_must_share_the_width() -> None:
-    with pytest.raises(ValueError, match="a width of 30 cannot be shared by 4 heads"):
+    with pytest.raises(ValueError, match="width must be a multiple of heads, got 30 and 4"):
         Attention(space_of(DISCS), width=30)
 
 

@@ -1,4 +1,4 @@
-"""Learned models on disk: what is saved is what flies, and what is no model is refused."""
+"""Models on disk: a loaded model flies like the saved one, and damaged files are refused."""
 
 import io
 import json
@@ -55,7 +55,7 @@ def test_a_fresh_process_flies_the_flights_of_this_one(model: Path, tmp_path: Pa
         [sys.executable, "-c", PROGRAM, model, FIELDS, tmp_path / "control.npy"],
         check=True,
         cwd=ROOT,
-        env={**os.environ, "OMP_NUM_THREADS": "2"},  # it is the model that flies with one
+        env={**os.environ, "OMP_NUM_THREADS": "2"},  # the model limits itself to one
     )
     control = np.concatenate([flight.control for flight in flown])
     np.testing.assert_array_equal(np.load(tmp_path / "control.npy"), control)
@@ -87,7 +87,7 @@ def test_a_zip_cut_short_is_refused(copy: Path, share: float) -> None:
 def test_a_foreign_zip_is_refused(copy: Path) -> None:
     with zipfile.ZipFile(copy / "model.zip", "w") as archive:
         archive.writestr("holiday.txt", "sun")
-    refusal(copy, r"model\.zip: no weights in it: cut short, or no model that was saved here")
+    refusal(copy, r"model\.zip: no weights in it: cut short, or not saved by this package")
 
 
 class Bomb:
@@ -113,7 +113,7 @@ def test_no_code_in_a_model_is_run(copy: Path, tmp_path: Path) -> None:
         refusal(copy, r"policy\.pth does not hold weights alone, and nothing else is read")
     assert not trace.exists()
     pickle.loads(pickle.dumps(Bomb(trace)))
-    assert trace.exists()  # it would have
+    assert trace.exists()  # unpickling does run it
 
 
 @pytest.mark.parametrize(
@@ -143,12 +143,12 @@ def test_a_card_that_does_not_fit_is_refused(copy: Path, entries: dict, match: s
 
 
 @pytest.mark.parametrize("text", ["", '{"algorithm": "pp', "[" * 100_000, "[]", "\x00"])
-def test_a_card_that_is_none_is_refused(copy: Path, text: str) -> None:
+def test_text_that_is_not_a_card_is_refused(copy: Path, text: str) -> None:
     (copy / "model.json").write_text(text)
     refusal(copy, r"model\.json: not ")
 
 
-def test_the_program_refuses_what_is_no_model(
+def test_the_command_line_refuses_a_damaged_model(
     copy: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (copy / "model.zip").write_bytes(b"PK")

@@ -1,4 +1,4 @@
-"""Mixtures of Gaussians: densities, samples, modes, and their life in a policy."""
+"""Mixtures of Gaussians: densities, samples, modes, and policies that use them."""
 
 import json
 from pathlib import Path
@@ -15,8 +15,8 @@ from scipy import stats
 from stable_baselines3 import PPO
 
 from agents.models import loading, networks, torch_model
-from agents.models.mixture import COARSEST, FINEST, Mixture, MixturePolicy
-from agents.models.model_card import Card
+from agents.models.mixture import MAX_STD, MIN_STD, Mixture, MixturePolicy
+from agents.models.model_card import ModelCard
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 COMPONENTS, SIZE = 3, 4
@@ -33,7 +33,7 @@ def drawn(number: int, seed: int = 0, spread: float = -1.5) -> Any:
 
 
 def mixed(weights: list[float], means: list[list[float]], spreads: list[float]) -> Any:
-    """A mixture in one dimension less abstract: of these components."""
+    """A mixture of the given components."""
     mixture = Mixture(len(means[0]), len(weights))
     mixture.log_weights = torch.tensor([weights]).log()
     mixture.means = torch.tensor([means])
@@ -60,9 +60,9 @@ def test_weights_add_up_and_spreads_keep_their_bounds() -> None:
     for spread in (-20.0, -1.5, 20.0):
         mixture = drawn(50, spread=spread)
         np.testing.assert_allclose(mixture.log_weights.exp().sum(dim=1), 1.0, rtol=1e-5)
-        assert mixture.spreads.min() >= FINEST - 1e-6
-        assert mixture.spreads.max() <= COARSEST
-    assert drawn(5, spread=-20.0).spreads.max() == pytest.approx(FINEST)
+        assert mixture.spreads.min() >= MIN_STD - 1e-6
+        assert mixture.spreads.max() <= MAX_STD
+    assert drawn(5, spread=-20.0).spreads.max() == pytest.approx(MIN_STD)
 
 
 def test_samples_follow_the_density() -> None:
@@ -89,7 +89,7 @@ def test_samples_follow_the_density() -> None:
     assert np.mean(nearest == 0) == pytest.approx(0.2, abs=0.01)
 
 
-def test_the_mode_takes_the_heavier_way_and_nothing_in_between() -> None:
+def test_the_mode_is_near_the_heavier_component_and_not_in_between() -> None:
     left, right = [0.2, 0.6, 0.0, 0.3], [0.2, -0.6, 0.0, -0.3]
     for weight, way in ((0.7, left), (0.52, left), (0.48, right), (0.1, right)):
         mode = mixed([weight, 1.0 - weight], [left, right], [0.1, 0.1]).mode()
@@ -99,7 +99,7 @@ def test_the_mode_takes_the_heavier_way_and_nothing_in_between() -> None:
     np.testing.assert_allclose(mode, [right], atol=1e-5)
 
 
-def test_components_that_agree_count_together() -> None:
+def test_similar_components_count_as_one_mode() -> None:
     near = [[0.20, 0.60], [0.22, 0.58], [0.2, -0.6]]
     (mode,) = mixed([0.3, 0.3, 0.4], near, [0.1, 0.1, 0.1]).mode().numpy()
     np.testing.assert_allclose(mode, [0.21, 0.59], atol=0.005)
@@ -116,9 +116,9 @@ def test_modes_and_densities_have_finite_gradients() -> None:
         assert torch.isfinite(gradient).all()
 
 
-def card_of(components: int = 3) -> Card:
+def card_of(components: int = 3) -> ModelCard:
     kwargs = {"net_arch": [16], "activation_fn": "tanh", "components": components}
-    return Card(
+    return ModelCard(
         algorithm="ppo",
         policy="deepsets-mixture",
         policy_kwargs=json.loads(json.dumps({**kwargs, "log_std_init": -1.5})),
@@ -126,7 +126,7 @@ def card_of(components: int = 3) -> Card:
     )
 
 
-def learner(card: Card, seed: int = 0) -> PPO:
+def learner(card: ModelCard, seed: int = 0) -> PPO:
     return PPO(
         networks.policy_class(card.algorithm, card.policy),
         ObstacleFieldVecEnv(2, suite="sparse", fields=3, **card.environment),
@@ -135,7 +135,7 @@ def learner(card: Card, seed: int = 0) -> PPO:
         n_epochs=1,
         seed=seed,
         device="cpu",
-        policy_kwargs=networks.features(card.policy, card.policy_kwargs),
+        policy_kwargs=networks.sb3_policy_kwargs(card.policy, card.policy_kwargs),
     )
 
 
@@ -194,6 +194,6 @@ def test_algorithms_that_take_no_mixture_say_so(algorithm: str) -> None:
 
 
 @pytest.mark.parametrize("components", [0, -1, 1.5])
-def test_numbers_of_components_that_are_none_are_refused(components: Any) -> None:
+def test_invalid_numbers_of_components_are_refused(components: Any) -> None:
     with pytest.raises(ValueError, match="components must be a whole number from 1 on, got"):
         torch_model.build(card_of(components))

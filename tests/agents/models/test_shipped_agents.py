@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agents.models import shipped_agents
-from agents.models.model_card import Card
+from agents.models.model_card import ModelCard
 from agents.policies.registry import make_policy
 from agents.policies.spec import PolicySpec
 from tests.support.places import ROOT
@@ -46,8 +46,8 @@ def test_shipped_agents_have_names_and_best_is_one_of_them(shipped: Path) -> Non
         "rookie": shipped / "rookie",
         "best": shipped / "ace",
     }
-    assert shipped_agents.find("best") == shipped_agents.find("ace") == shipped / "ace"
-    assert shipped_agents.find("nobody") is None
+    assert shipped_agents.find_agent("best") == shipped_agents.find_agent("ace") == shipped / "ace"
+    assert shipped_agents.find_agent("nobody") is None
 
 
 def test_best_is_an_agent_with_its_options(shipped: Path) -> None:
@@ -62,7 +62,9 @@ def test_best_is_an_agent_with_its_options(shipped: Path) -> None:
 @pytest.mark.parametrize(
     "content", [b"", b"\xff", b"[]", b"3", b'{"best": null}', b'{"best": "best"}', b'{"ace": 1}']
 )
-def test_a_damaged_word_on_the_best_is_told(shipped: Path, content: bytes) -> None:
+def test_a_damaged_file_that_names_the_best_agent_is_reported(
+    shipped: Path, content: bytes
+) -> None:
     (shipped / "best.json").write_bytes(content)
     with pytest.raises(ValueError, match=r"best\.json is damaged: .* install again"):
         make_policy("best")
@@ -72,20 +74,18 @@ def test_a_damaged_word_on_the_best_is_told(shipped: Path, content: bytes) -> No
 def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: Path) -> None:
     place = agent(tmp_path / "runs/ppo")
     for given in ("runs/ppo", "runs/ppo/", "runs/ppo/model.zip", str(place)):
-        found = shipped_agents.find(given)
+        found = shipped_agents.find_agent(given)
         assert found is not None
         assert found.resolve() == place
     (place / "model.json").unlink()
-    assert shipped_agents.find("runs/ppo") is not None  # what is missing is said when it is loaded
+    assert shipped_agents.find_agent("runs/ppo") is not None  # loading reports it
     for given in ("runs", "runs/nothing", "", "\x00", "x" * 5000):
-        assert shipped_agents.find(given) is None
+        assert shipped_agents.find_agent(given) is None
 
 
-def test_what_agents_need_is_said_where_it_is_missing(
-    shipped: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_missing_library_is_reported(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda module: module != "torch" or None)
-    card = Card(algorithm="sac", policy="mlp", policy_kwargs={}, environment={})
+    card = ModelCard(algorithm="sac", policy="mlp", policy_kwargs={}, environment={})
     (shipped / "ace" / "model.json").write_text(card.to_json())
     zipfile.ZipFile(shipped / "ace" / "model.zip", "w").close()
     with pytest.raises(ValueError, match=r"'ace' needs torch: .*'\.\[agents\]'"):
@@ -93,22 +93,22 @@ def test_what_agents_need_is_said_where_it_is_missing(
 
 
 @pytest.mark.usefixtures("shipped")
-def test_an_unknown_policy_is_told_who_there_is() -> None:
+def test_the_error_for_an_unknown_policy_lists_the_known_ones() -> None:
     with pytest.raises(ValueError, match="abc, ace, rookie, best, and the directories of trained"):
         make_policy("bset")
 
 
-def test_what_is_shipped_is_whole() -> None:
+def test_shipped_agents_have_both_files() -> None:
     for name, directory in shipped_agents.shipped().items():
         assert (directory / "model.zip").is_file(), name
         assert (directory / "model.json").is_file(), name
 
 
-def test_planners_fly_without_what_agents_need() -> None:
+def test_neither_planners_nor_the_surface_of_models_import_torch() -> None:
     program = (
         "import sys; from agents.cli.main import _parser; import agents.evaluation.run; "
+        "from agents.models import Model, ModelCard, load; "
         "from agents.policies.registry import make_policy; _parser(); make_policy('guided'); "
         "sys.exit(any(name in sys.modules for name in ('torch', 'stable_baselines3')))"
     )
-    root = ROOT
-    subprocess.run([sys.executable, "-c", program], check=True, cwd=root)
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)

@@ -1,4 +1,4 @@
-"""Models in torch: they act as the library does, alike in any batch, and threads stay as before."""
+"""Models in torch: actions equal the library's in any batch, and thread counts are restored."""
 
 import dataclasses
 import io
@@ -14,8 +14,8 @@ import torch
 
 from agents.flights.batched import fly_batch
 from agents.models import loading, torch_model, weights
-from agents.models.inference.forward import Forward
-from agents.models.torch_model import BLOCK, Learned, TorchNetwork, one_thread
+from agents.models.inference.forward import CompiledNetwork
+from agents.models.torch_model import BLOCK, TorchModel, TorchNetwork, one_thread
 from ferguson_gym.runtime.arrays import GenericArray
 from ferguson_gym.world.field_names import get_fields
 from tests.support.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
@@ -41,7 +41,7 @@ def test_actions_are_those_of_the_library(algorithm: str) -> None:
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_a_row_is_treated_alike_wherever_it_stands(threads: int) -> None:
+def test_an_action_does_not_depend_on_its_place_in_the_batch(threads: int) -> None:
     network = TorchNetwork(learned("ppo", {"observation": "rays"}).policy)
     seen = observations(network.policy, 3 * BLOCK + 5)
     before = torch.get_num_threads()
@@ -72,9 +72,7 @@ def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
 
 
 @pytest.mark.parametrize("algorithm", ALGORITHMS)
-def test_what_is_loaded_is_what_was_saved_and_the_library_reads_it_too(
-    algorithm: str, tmp_path: Path
-) -> None:
+def test_a_saved_model_is_read_back_here_and_by_the_library(algorithm: str, tmp_path: Path) -> None:
     card = dataclasses.replace(
         card_of(algorithm, DISCS), seed=3, commit="c0ffee", curve=[{"steps": 1}], results={"a": 0.5}
     )
@@ -86,7 +84,7 @@ def test_what_is_loaded_is_what_was_saved_and_the_library_reads_it_too(
 
 
 def without_arrays(directory: Path) -> None:
-    """Make a model one that was saved before weights were kept as arrays."""
+    """Turn a model into one that has pickled weights only."""
     packed = directory / "model.zip"
     with zipfile.ZipFile(packed) as archive:
         kept = {name: archive.read(name) for name in archive.namelist() if "weights/" not in name}
@@ -104,16 +102,18 @@ def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_p
     assert weights.names(tmp_path / "model.zip") == []
     assert loading.needs_torch(tmp_path)
     after = loading.load(tmp_path)
-    assert isinstance(after.network, Forward) == (algorithm == "ppo")
+    assert isinstance(after.network, CompiledNetwork) == (algorithm == "ppo")
     fields = list(get_fields(FIELDS))
     for one, other in zip(fly_batch(before, fields), fly_batch(after, fields), strict=True):
         np.testing.assert_array_equal(one.control, other.control)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_a_slim_copy_flies_the_same_and_can_be_trained_on(algorithm: str, tmp_path: Path) -> None:
+def test_an_exported_copy_flies_the_same_and_can_be_trained_further(
+    algorithm: str, tmp_path: Path
+) -> None:
     whole = saved(tmp_path / "whole", card_of(algorithm, RAYS))
-    torch_model.slim(whole, tmp_path / "slim")
+    torch_model.export(whole, tmp_path / "slim")
     size, before = ((place / "model.zip").stat().st_size for place in (tmp_path / "slim", whole))
     assert size < 0.6 * before
     with zipfile.ZipFile(tmp_path / "slim" / "model.zip") as archive:
@@ -127,19 +127,19 @@ def test_a_slim_copy_flies_the_same_and_can_be_trained_on(algorithm: str, tmp_pa
     for key, value in one.state_dict().items():
         assert torch.equal(value, other.state_dict()[key])
     # equal models are equal files
-    torch_model.slim(tmp_path / "slim", tmp_path / "again")
+    torch_model.export(tmp_path / "slim", tmp_path / "again")
     read = [(tmp_path / name / "model.zip").read_bytes() for name in ("slim", "again")]
     assert read[0] == read[1]
 
 
-def test_weights_that_two_share_are_kept_once() -> None:
-    shared = Learned(learned("ppo", RAYS).policy, card_of())
+def test_tied_weights_are_saved_once() -> None:
+    shared = TorchModel(learned("ppo", RAYS).policy, card_of())
     names = list(shared.weights)
     assert not any(name.startswith(("pi_features", "vf_features")) for name in names)
     assert {"mlp_extractor.value_net.0.weight", "log_std", "action_net.bias"} <= set(names)
 
 
-def test_what_flies_does_not_change_when_training_goes_on() -> None:
+def test_a_model_for_flight_does_not_change_when_training_continues() -> None:
     going_on = learned("ppo", RAYS)
     model, seen = going_on.model, observations(going_on.policy, 5)
     before = model.network.act(seen)
@@ -150,7 +150,7 @@ def test_what_flies_does_not_change_when_training_goes_on() -> None:
     assert (going_on.model.network.act(seen) != before).any()
 
 
-def test_pickled_weights_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_invalid_pickled_weights_are_refused(tmp_path: Path) -> None:
     saved(tmp_path)
     good = torch_model.load(tmp_path).policy.state_dict()
     for given, match in (

@@ -1,4 +1,4 @@
-"""Weights in a zip: read as they were written, and of hostile or damaged files nothing is taken."""
+"""Weights in a zip: read back as written; hostile and damaged files are refused."""
 
 import io
 import re
@@ -11,7 +11,7 @@ import pytest
 from numpy.lib import format as npy
 
 from agents.models import weights
-from agents.models.weights import MOST, entry
+from agents.models.weights import MAX_WEIGHTS, entry
 
 SHAPES = {"first.weight": (5, 3), "first.bias": (5,), "spread": ()}
 
@@ -28,7 +28,7 @@ def packed(tmp_path: Path) -> Path:
 
 
 def replace(path: Path, name: str, content: bytes) -> None:
-    """Put something else in the place of an entry."""
+    """Replace an entry of a zip."""
     with zipfile.ZipFile(path) as archive:
         kept = {entry: archive.read(entry) for entry in archive.namelist()}
     with zipfile.ZipFile(path, "w") as archive:
@@ -113,22 +113,24 @@ def test_a_missing_entry_is_named(packed: Path) -> None:
         weights.read(packed, {**SHAPES, "last.bias": (4,)})
 
 
-def test_more_than_a_network_has_is_not_read(packed: Path) -> None:
-    with pytest.raises(ValueError, match=rf"a network of {MOST + 1:,} weights; at most {MOST:,}"):
-        weights.read(packed, {"wide": (MOST + 1,)})
+def test_a_network_beyond_the_limit_is_refused(packed: Path) -> None:
+    with pytest.raises(
+        ValueError, match=rf"a network of {MAX_WEIGHTS + 1:,} weights; at most {MAX_WEIGHTS:,}"
+    ):
+        weights.read(packed, {"wide": (MAX_WEIGHTS + 1,)})
 
 
 def test_an_entry_beyond_the_size_limit_is_not_unpacked(
     packed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(weights, "MOST", 1000)
+    monkeypatch.setattr(weights, "MAX_WEIGHTS", 1000)
     replace(packed, entry("first.bias"), saved(np.zeros(10**6, np.float32)))
     assert packed.stat().st_size < 1e4
     refusal(packed, r"first.bias takes 4,000,128 bytes")
 
 
 def quietly(read: Callable[[], object]) -> bool:
-    """Whether something was read; nothing but a ValueError may come instead."""
+    """Whether a file was read; the only error allowed is ValueError."""
     try:
         read()
     except ValueError:

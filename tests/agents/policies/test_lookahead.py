@@ -10,7 +10,7 @@ import pytest
 
 from agents.flights.flight import Flight, fly
 from agents.models.model import Model
-from agents.models.model_card import Card
+from agents.models.model_card import ModelCard
 from agents.policies.lookahead import MOST, LookaheadPolicy
 from agents.policies.network_policy import NetworkPolicy
 from agents.policies.registry import make_policy
@@ -26,19 +26,19 @@ from ferguson_gym.world.outcome import Outcome
 class Straight:
     """Turns towards the goal, whatever stands in the way, and slows down before it."""
 
-    def act(self, seen: Observation) -> Action:
-        goal = seen["goal"]
+    def act(self, observation: Observation) -> Action:
+        goal = observation["goal"]
         near = goal[:, 0] * 170.0 < 12.0
         turn = (0.2 * goal[:, 2]).clip(-0.5, 0.5)
         zero = np.zeros_like(turn)
         return np.stack([-0.2 - 0.2 * near, turn, zero, zero], axis=1).astype(np.float32)
 
-    def at_work(self) -> AbstractContextManager[None]:
+    def session(self) -> AbstractContextManager[None]:
         return nullcontext()
 
 
 PILOT = NetworkPolicy(
-    Model(Straight(), Card(algorithm="ppo", policy="mlp", policy_kwargs={}, environment={}))
+    Model(Straight(), ModelCard(algorithm="ppo", policy="mlp", policy_kwargs={}, environment={}))
 )
 
 

@@ -1,4 +1,4 @@
-"""Networks without torch: they act as those of torch do, and alike in any batch."""
+"""Compiled networks: actions equal those of torch, and do not depend on the batch."""
 
 import csv
 import subprocess
@@ -14,8 +14,8 @@ from agents.flights.batched import fly_batch
 from agents.flights.flight import fly_by_name
 from agents.models import loading, shipped_agents
 from agents.models.architecture import Architecture, architecture_of
-from agents.models.inference.forward import Forward
-from agents.models.model_card import Card
+from agents.models.inference.forward import CompiledNetwork
+from agents.models.model_card import ModelCard
 from agents.policies.lookahead import LookaheadPolicy
 from agents.policies.network_policy import NetworkPolicy, network_policy
 from ferguson_gym.simulation.observations import Observation
@@ -33,8 +33,8 @@ RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7, "focus": 6.0}
 
 
-def card(policy: str, environment: dict[str, Any], **kwargs: Any) -> Card:
-    return Card(
+def card(policy: str, environment: dict[str, Any], **kwargs: Any) -> ModelCard:
+    return ModelCard(
         algorithm="ppo",
         policy=policy,
         policy_kwargs={"net_arch": [40, 24], **kwargs},
@@ -51,22 +51,22 @@ CARDS = [
     card("deepsets", DISCS),
     card("deepsets", BOTH, features_extractor_kwargs={"width": 20}),
     card("deepsets-mixture", BOTH, net_arch={"pi": [33], "vf": []}, activation_fn="silu"),
-    Card(algorithm="dagger", policy="deepsets-mixture", policy_kwargs={}, environment=DISCS),
+    ModelCard(algorithm="dagger", policy="deepsets-mixture", policy_kwargs={}, environment=DISCS),
 ]
 
 
-def drawn(architecture: Architecture) -> Forward:
+def drawn(architecture: Architecture) -> CompiledNetwork:
     """A network of weights drawn at random."""
     stream = np.random.default_rng(0)
     weights = {
         name: (stream.normal(size=shape) / np.sqrt(shape[-1])).astype(np.float32)
         for name, shape in architecture.shapes.items()
     }
-    return Forward(architecture, weights)
+    return CompiledNetwork(architecture, weights)
 
 
 def seen_by(environment: dict[str, Any], number: int) -> Observation:
-    """What vehicles anywhere see, some of them nothing."""
+    """Observations of vehicles at random places, some without any obstacle."""
     stream, settings = np.random.default_rng(5), settings_of(environment)
     empty = Field(name="none", obstacles=Discs([], []))
     parts = []
@@ -78,12 +78,12 @@ def seen_by(environment: dict[str, Any], number: int) -> Observation:
 
 
 @pytest.mark.parametrize("given", CARDS, ids=lambda one: f"{one.policy} {one.policy_kwargs}")
-def test_it_acts_as_the_same_network_in_torch(given: Card) -> None:
+def test_actions_equal_those_of_the_same_network_in_torch(given: ModelCard) -> None:
     pytest.importorskip("sb3_contrib")
     import torch
 
     from agents.models import torch_model
-    from agents.models.torch_model import Learned, TorchNetwork
+    from agents.models.torch_model import TorchModel, TorchNetwork
 
     torch.manual_seed(0)
     policy = torch_model.build(given)
@@ -92,8 +92,8 @@ def test_it_acts_as_the_same_network_in_torch(given: Card) -> None:
             if name.startswith("action_net"):
                 parameter *= 20.0  # so that modes differ
     seen = seen_by(given.environment, 40)
-    network = Learned(policy, given).model.network
-    assert isinstance(network, Forward)
+    network = TorchModel(policy, given).model.network
+    assert isinstance(network, CompiledNetwork)
     actions, theirs = network.act(seen), TorchNetwork(policy).act(seen)
     assert actions.dtype == np.float32
     assert np.ptp(theirs, axis=0).min() > 0.05
@@ -128,13 +128,13 @@ def test_shipped_agents_act_as_in_torch_along_their_flights(name: str) -> None:
     assert len(actions) == 1000
     theirs = TorchNetwork(torch_model.load(place).policy).act(seen)
     apart = np.abs(actions - theirs).max(axis=1)
-    # where two ways are as good as equal, the last bit decides between them
+    # between two modes of almost equal weight, the last bit decides
     assert (apart > 1e-5).sum() <= 1
     assert np.median(apart) < 1e-6
 
 
 @pytest.mark.parametrize("given", CARDS, ids=lambda one: f"{one.policy} {one.policy_kwargs}")
-def test_rows_are_alike_in_any_company(given: Card) -> None:
+def test_an_action_does_not_depend_on_the_other_rows(given: ModelCard) -> None:
     architecture = architecture_of(given)
     assert architecture is not None
     network, seen = drawn(architecture), seen_by(given.environment, 50)
@@ -149,7 +149,7 @@ def test_rows_are_alike_in_any_company(given: Card) -> None:
         np.testing.assert_array_equal(network.act(part), together[first : first + size])
 
 
-def test_the_order_of_obstacles_and_what_stands_in_padding_do_not_matter() -> None:
+def test_the_order_of_obstacles_and_values_in_padding_do_not_matter() -> None:
     given = card("deepsets", DISCS)
     architecture = architecture_of(given)
     assert architecture is not None
@@ -164,11 +164,11 @@ def test_the_order_of_obstacles_and_what_stands_in_padding_do_not_matter() -> No
     np.testing.assert_array_equal(network.act({**seen, "obstacles": litter}), before)
 
 
-def test_what_overflows_is_no_action() -> None:
+def test_an_overflow_gives_nan() -> None:
     architecture = architecture_of(card("deepsets-mixture", DISCS))
     assert architecture is not None
     weights = {name: np.full(shape, 1e38, "f4") for name, shape in architecture.shapes.items()}
-    assert np.isnan(Forward(architecture, weights).act(seen_by(DISCS, 3))).all()
+    assert np.isnan(CompiledNetwork(architecture, weights).act(seen_by(DISCS, 3))).all()
 
 
 @pytest.mark.parametrize(
@@ -195,19 +195,19 @@ def test_what_overflows_is_no_action() -> None:
         {"policy": "deepsets"},
     ],
 )
-def test_other_networks_are_not_known(changes: dict[str, Any]) -> None:
+def test_other_networks_have_no_compiled_architecture(changes: dict[str, Any]) -> None:
     entries: dict[str, Any] = {
         "algorithm": "ppo",
         "policy": "mlp",
         "policy_kwargs": {},
         "environment": RAYS,
     }
-    assert architecture_of(Card(**entries)) is not None
-    assert architecture_of(Card(**{**entries, **changes})) is None
+    assert architecture_of(ModelCard(**entries)) is not None
+    assert architecture_of(ModelCard(**{**entries, **changes})) is None
 
 
 def test_no_flight_waits_for_a_kernel() -> None:
-    """In a fresh process, where each is compiled, or loaded, when it is first called."""
+    """In a fresh process each kernel is compiled, or loaded, at its first call."""
     program = """
 import gc
 from numba.core.dispatcher import Dispatcher
@@ -246,7 +246,7 @@ PathFinder.find_spec = lambda name, *more: None if name in blocked else find(nam
 
 
 def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
-    """Workers of the program included: they find the same block on their path."""
+    """Worker processes included: they import the same block."""
     (tmp_path / "sitecustomize.py").write_text(BLOCKED)
     arguments = ["--policy", "best", "--policy", "dagger+shield", "--policy", "dagger-ppo"]
     where = ["--fields", "sparse/validation:0", "--out", str(tmp_path / "out")]
@@ -270,11 +270,11 @@ def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
 def test_shipped_agents_fly_without_torch_as_with_it() -> None:
     for name, place in shipped_agents.shipped().items():
         assert not loading.needs_torch(place), name
-        assert isinstance(network_policy(place).model.network, Forward)
+        assert isinstance(network_policy(place).model.network, CompiledNetwork)
 
 
-def test_imagined_flights_are_judged_as_flights_are() -> None:
-    """The flight that is flown is the one that was imagined, to the last bit."""
+def test_the_flight_flown_is_the_simulated_one() -> None:
+    """They agree to the last bit, so that one simulation serves a whole flight."""
     place = shipped_agents.shipped()[shipped_agents.BEST]
     model = loading.load(place)
     for name in ("standard/validation:3", "traps/validation:1"):

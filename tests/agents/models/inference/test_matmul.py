@@ -1,4 +1,4 @@
-"""Products, exponentials and activations: right, and alike wherever a row or a number stands."""
+"""Products, exponentials and activations: accurate, and independent of the place in an array."""
 
 import numpy as np
 import pytest
@@ -8,14 +8,14 @@ from scipy import special
 from agents.models.inference.activations import ACTIVATIONS, exponential
 from agents.models.inference.matmul import ROWS, add_product, affine
 
-Single = NDArray[np.float32]
+Float32Array = NDArray[np.float32]
 
 
-def drawn(*shape: int, seed: int = 0) -> Single:
+def drawn(*shape: int, seed: int = 0) -> Float32Array:
     return np.random.default_rng(seed).normal(size=shape).astype(np.float32)
 
 
-def turned(matrix: Single) -> Single:
+def turned(matrix: Float32Array) -> Float32Array:
     """Weights (in, out) of a matrix (out, in)."""
     return np.array(matrix.T, order="C")
 

@@ -11,7 +11,7 @@ pytest.importorskip("sb3_contrib")
 import torch
 
 from agents.models import torch_model
-from agents.models.model_card import Card
+from agents.models.model_card import ModelCard
 from agents.training.imitation.behavior_cloning import AVERAGED, BehaviorCloning
 from agents.training.imitation.dataset import ImitationDataset, ImitationSample, row
 from agents.training.imitation.mirror import mirrored
@@ -21,7 +21,7 @@ from ferguson_gym.world.field_names import get_field, get_fields
 from planners.interface import initial_state
 from planners.receding_horizon.pursuit import Pursuit
 
-CARD = Card(
+CARD = ModelCard(
     algorithm="dagger",
     policy="deepsets-mixture",
     policy_kwargs={"net_arch": [16], "components": 2, "log_std_init": -1.5},

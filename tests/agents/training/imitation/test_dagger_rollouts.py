@@ -11,9 +11,9 @@ import torch
 from joblib import Parallel, delayed
 
 from agents.models import torch_model
-from agents.models.inference.forward import Forward
-from agents.models.model_card import Card
-from agents.models.torch_model import Learned
+from agents.models.inference.forward import CompiledNetwork
+from agents.models.model_card import ModelCard
+from agents.models.torch_model import TorchModel
 from agents.training.imitation.dagger_rollouts import Visit, somewhere, visit
 from agents.training.imitation.dataset import COLUMNS
 from ferguson_gym.runtime.arrays import Array
@@ -28,7 +28,7 @@ from planners import interface
 from planners.interface import Decision, Replanner
 from planners.registry import make
 
-CARD = Card(
+CARD = ModelCard(
     algorithm="dagger",
     policy="mlp-mixture",
     policy_kwargs={"net_arch": [16], "components": 2},
@@ -93,7 +93,7 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
     policy, planner = torch_model.build(CARD), make("pursuit")
     assert isinstance(planner, Replanner)
     policy.load_state_dict(weights())
-    network = Learned(policy, CARD).model.network
+    network = TorchModel(policy, CARD).model.network
     failures = 0
     assert sorted(set(found.rows[:, 0])) == list(SEEDS)
     for seed in SEEDS:
@@ -129,7 +129,7 @@ def test_a_learner_that_is_always_refused_sees_the_expert_s_flight(
 ) -> None:
     # 2.4 m are too short anywhere
     back = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
-    monkeypatch.setattr(Forward, "act", lambda self, seen: back[None])
+    monkeypatch.setattr(CompiledNetwork, "act", lambda self, seen: back[None])
     found = visit(asked(scattered=0.0))
     assert found.failures == found.steps == len(found.rows)
     assert (found.rows[:, 10] == 1.0).all()

@@ -399,7 +399,7 @@ def test_ctrl_c_on_a_terminal_stops_workers_quietly(
             "dagger",
             [],
             {"env_kwargs": {"observation": "rays"}},
-            "a network of obstacles needs to see them",
+            "this policy needs obstacles in the observation",
         ),
         ("bc", [], {}, "bc learns from demonstrations: name them with --demos DATASET_ID"),
         ("bc", ["--demos", "some/none-v0"], {}, "--demos some/none-v0 holds no flights to learn"),
