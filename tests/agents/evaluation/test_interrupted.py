@@ -17,24 +17,11 @@ from agents.evaluation.request import Request
 from agents.evaluation.work import WORK
 from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend
-from tests.support.waiting import until
+from tests.support.waiting import until, worker_processes
 
 pytestmark = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
 
 NAMES = ("flights.csv", "paths.npz")
-
-
-def children(pid: int) -> list[int]:
-    """Worker processes of a process."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*"):
-        try:
-            parent = int((place / "stat").read_text().rpartition(")")[2].split()[1])
-            if parent == pid and b"popen_loky" in (place / "cmdline").read_bytes():
-                found.append(int(place.name))
-        except (OSError, IndexError):
-            continue
-    return found
 
 
 def start(out: Path, fields: str, *more: str) -> subprocess.Popen[bytes]:
@@ -93,7 +80,7 @@ def test_workers_end_with_the_run_that_is_killed(
     run = start(out, "sparse/train:0-399", "--workers", "2")
     begun.append(run)
     assert until(lambda: chunks(out) > 5 or run.poll() is not None, 60.0)
-    below = children(run.pid)
+    below = worker_processes(run.pid)
     assert len(below) == 2
     run.kill()
     assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in below))
@@ -108,7 +95,7 @@ def test_a_worker_that_is_killed_is_replaced(
     def kill_one(store: ChunkStore, chunk: int, flown: Any) -> None:
         keep(store, chunk, flown)
         if not killed:
-            killed.append(children(os.getpid())[0])
+            killed.append(worker_processes(os.getpid())[0])
             os.kill(killed[0], signal.SIGKILL)
 
     monkeypatch.setattr(ChunkStore, "write", kill_one)
@@ -131,7 +118,7 @@ def test_an_interruption_leaves_work_to_go_on_with_and_no_traces(
         run = start(out, "sparse/train:0-399", "--workers", workers)
         begun.append(run)
         assert until(lambda: chunks(out) > 1 or run.poll() is not None, 60.0)  # noqa: B023
-        below = children(run.pid)
+        below = worker_processes(run.pid)
         os.killpg(run.pid, signal.SIGINT)  # as a terminal does
         run.wait(timeout=30)
         said = said_by(out).read_text()
@@ -161,7 +148,7 @@ def test_killed_at_twenty_random_moments_the_results_are_those_of_an_uninterrupt
             time.sleep(stream.uniform(0.0, 0.3))
             if run.poll() is not None:
                 break
-            below = children(run.pid)
+            below = worker_processes(run.pid)
             pid = run.pid if victim == "main" else stream.choice(below or [0])
             if pid and moments < 20:
                 os.kill(pid, signal.SIGKILL)

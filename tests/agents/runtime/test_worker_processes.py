@@ -17,7 +17,7 @@ from agents.demonstrations import work
 from agents.evaluation import chunks, timing
 from agents.evaluation.work import WORK
 from agents.runtime.executors import Call, WorkerDiedError, map_in_processes
-from tests.support.waiting import until
+from tests.support.waiting import until, worker_processes
 
 RESUME = "what is there is kept"
 
@@ -105,19 +105,6 @@ def test_an_evaluation_interrupted_during_timing_repeats_only_the_timing(
     assert (tmp_path / "summary.json").exists()
 
 
-def below(pid: int) -> list[int]:
-    """Worker processes of a process."""
-    found = []
-    for place in Path("/proc").glob("[0-9]*"):
-        try:
-            parent = int((place / "stat").read_text().rpartition(")")[2].split()[1])
-            if parent == pid and b"popen_loky" in (place / "cmdline").read_bytes():
-                found.append(int(place.name))
-        except (OSError, IndexError):
-            continue
-    return found
-
-
 COMMANDS = {
     "demos": "demos --expert guided --fields sparse/train:0-399 --out some-v0 --workers 2",
     "dagger": "train dagger --steps 20000 --workers 2 --out {}/runs",
@@ -140,9 +127,9 @@ def test_commands_end_in_one_line_and_leave_nothing_running(
         text=True,
         start_new_session=True,
     ) as run:
-        assert until(lambda: len(below(run.pid)) == 2 or run.poll() is not None, 120.0)
+        assert until(lambda: len(worker_processes(run.pid)) == 2 or run.poll() is not None, 120.0)
         time.sleep(1.0)
-        workers = below(run.pid)
+        workers = worker_processes(run.pid)
         if stop == "Ctrl-C":
             os.killpg(run.pid, signal.SIGINT)  # as a terminal does
         else:
