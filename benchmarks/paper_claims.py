@@ -42,7 +42,7 @@ from planners.interface import Plan, initial_state
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flown:
-    """What is told of one flight."""
+    """The measurements of one flight."""
 
     success: bool
     length: float
@@ -62,7 +62,7 @@ class Flown:
 
 
 def told(plan: Plan, field: Field, seconds: float) -> Flown:
-    """What is told of a plan, and of its windows that did not yet end on the goal."""
+    """The measurements of a plan, and of its windows that did not yet end on the goal."""
     exact = exact_length(field)
     flown = float(length(plan.control).sum()) if len(plan.control) else 0.0
     windows = [

@@ -32,7 +32,7 @@ def started() -> Iterator[Callable[[], list[threading.Thread]]]:
 
 @pytest.fixture(autouse=True, scope="session")
 def interrupts_are_heard() -> None:
-    """Whoever starts tests in the background has them ignore Ctrl-C, and all that they start."""
+    """Tests started in the background ignore Ctrl-C, and so do their processes."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 

@@ -22,7 +22,7 @@ BAD_INPUT = 2
 _LONG = 400
 """Characters of a message that are shown at its beginning, and at its end."""
 GOES_ON = "ferguson: the same command goes on where this one stopped"
-"""Told to whoever interrupts."""
+"""Printed after an interruption."""
 
 
 class _Help(argparse.HelpFormatter):

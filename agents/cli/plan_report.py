@@ -24,7 +24,7 @@ from planners.interface import Plan, Planner, Route, initial_state
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Report:
-    """A plan and what is told of it."""
+    """A plan and what is reported of it."""
 
     name: str
     """Of the planner."""
@@ -75,7 +75,7 @@ class Report:
         )
 
     def lines(self, windows: bool = True) -> Iterator[Table | str]:
-        """What people are told of the plan, one after the other.
+        """What people read of the plan, one after the other.
 
         Args:
             windows: whether to begin with a table of them, if there are any.

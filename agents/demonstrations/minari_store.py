@@ -88,7 +88,7 @@ def local_ids() -> list[str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """What is told of a dataset as a whole."""
+    """What describes a dataset as a whole."""
 
     dataset_id: str
     expert: str

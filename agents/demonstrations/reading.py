@@ -44,7 +44,7 @@ class Demonstrations:
     environment: Mapping[str, Any]
     """Arguments of the environment that they were recorded in."""
     metadata: Mapping[str, Any]
-    """What else is told of the dataset."""
+    """Other metadata of the dataset."""
 
     def __len__(self) -> int:
         return len(self.fields)

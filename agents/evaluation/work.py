@@ -126,7 +126,7 @@ def fly(
 
 
 def _suspects(work: Work, left: dict[int, Task], run: Run) -> Iterator[int]:
-    """Fly what is left flight by flight; what does not fly is told at the end."""
+    """Fly what is left flight by flight; what does not fly is reported at the end."""
     fatal: list[ChildProcessError] = []
     for number in list(left):
         task = left.pop(number)

@@ -1,4 +1,4 @@
-"""What is told of many plans: success with its uncertainty, progress in time, profiles."""
+"""Metrics of many plans: success with its uncertainty, progress in time, profiles."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ class LookaheadPolicy:
 
     The first is the model's own flight, the others are disturbed. If none arrives, the model's own
     is flown as far as it goes. Where a flight is not where it was imagined to be, because someone
-    else decided a segment, the rest is imagined anew.
+    else decided a segment, the rest is simulated again.
 
     Raises:
         ValueError: fewer than 2 flights, or more than `MOST`.

@@ -48,7 +48,7 @@ def network_policy(directory: Path) -> NetworkPolicy:
 
 
 def _stamp(file: Path) -> tuple[int, int]:
-    """Differs when a file was written anew; nothing where there is none."""
+    """Differs when a file was rewritten; nothing where there is none."""
     try:
         status = file.stat()
     except OSError:

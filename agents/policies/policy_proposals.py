@@ -30,7 +30,7 @@ class PolicyProposer:
         """The chain (n, 4, 2) that the policy flies from a state; none if it gives up at once.
 
         It flies through whatever stands in its way, and ends early on the goal or where it gives
-        up. The policy begins anew in every state, so that a flight taken up on its way goes on as
+        up. The policy begins again in every state, so that a flight taken up on its way goes on as
         the whole flight does.
         """
         self._policy.begin(field, seed)

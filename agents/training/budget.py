@@ -16,7 +16,7 @@ class TrainingBudget:
         self, most_steps: int | None, most_minutes: float | None, steps: int = 0, seconds: float = 0
     ) -> None:
         self.steps = steps
-        """So far; whoever trains keeps it up to date."""
+        """So far; the trainer keeps it up to date."""
         self._most_steps, self._most_minutes = most_steps, most_minutes
         self.start(seconds)
 

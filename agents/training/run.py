@@ -18,7 +18,7 @@ from agents.training.hyperparameters import Hyperparameters
 from ferguson_gym.runtime.atomic_files import atomic_write
 
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
-"""Fields by which the best model is chosen, and of which it is told how it flies."""
+"""Fields by which the best model is chosen, and on which its results are reported."""
 _CONFIGURATION = "run.json"
 _DONE = "model.json"
 OWN = (
@@ -106,7 +106,7 @@ class Trainer(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Algorithm:
-    """How an algorithm's trainer is found, and what it may be told."""
+    """How an algorithm's trainer is found, and which options it takes."""
 
     module: str
     """Of the trainer."""

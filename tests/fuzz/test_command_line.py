@@ -115,7 +115,7 @@ def ferguson(home: Path, words: list[str]) -> tuple[int, str]:
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
     ):
-        warnings.simplefilter("default")  # they are told, and are no errors
+        warnings.simplefilter("default")  # they are reported, and are not errors
         status = main(words)
     assert status in (0, 1, 2), status
     if status == 2:

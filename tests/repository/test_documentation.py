@@ -96,7 +96,7 @@ def test_commands_run_one_after_the_other(page: Path, place: Path) -> None:
 
 
 def run_script(words: list[str], place: Path) -> None:
-    """Run a script of the checkout, which writes where it is told to."""
+    """Run a script of the checkout, which writes below its output directory."""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, *words], cwd=place, env=environment, capture_output=True, text=True

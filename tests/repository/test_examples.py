@@ -1,4 +1,4 @@
-"""The examples run as they are told to, and what they say and draw is so."""
+"""The examples run as documented; their output and pictures are correct."""
 
 import re
 import runpy

@@ -13,35 +13,27 @@ import yaml
 from tests.support.places import ROOT
 
 PHRASES = {
-    r"\b(?:is|are|was|were|be|been|being) told\b": "say what is reported, shown or named",
+    r"\b(?:is|are|was|were|be|been|being) told\b(?! apart)": "say what is reported, shown or named",
     r"\banew\b": "again, or a verb such as redraw and recompute",
     r"\b[Ww]ho(?:m)?ever\b": "name the caller, the user or the process",
     r"\b(?:leads?|led) to nothing\b": "fails, or finds no feasible chain",
     r"\bas ever\b": "like every other, or leave it out",
     r"\bin vain\b": "without success",
-    r"\bis none\b": "is not one, or is missing",
+    r"(?<!there )\bis none\b": "is not one, or is missing",
 }
 """Phrases to avoid, and what to write instead."""
+PENDING = ("ferguson_gym/", "planners/")
+"""Folders with phrases that are still to be mended."""
 ENDINGS = (".py", ".md", ".yml", ".html")
 _SPACE = re.compile(r"[ \t]*\n[ \t#>-]*")
 
 
 def written() -> list[Path]:
-    """Tracked files of prose and code, without this one."""
+    """Tracked files of prose and code, without this one and those that are not mended yet."""
     command = ["git", "-C", str(ROOT), "ls-files", "-z"]
     names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
+    names = [name for name in names if not name.startswith(PENDING)]
     return [ROOT / name for name in names if name.endswith(ENDINGS) and name != _THIS]
-
-
-def mine(path: Path) -> bool:
-    """Whether a file's language has been mended; the packages follow."""
-    return path.relative_to(ROOT).parts[0] in {
-        "README.md",
-        "CONTRIBUTING.md",
-        "CHANGELOG.md",
-        "docs",
-        "examples",
-    }
 
 
 _THIS = Path(__file__).relative_to(ROOT).as_posix()
@@ -63,9 +55,7 @@ def test_phrases_are_found_across_lines() -> None:
     assert not found("x is None; who ever told it was untold")
 
 
-@pytest.mark.parametrize(
-    "path", list(filter(mine, written())), ids=lambda path: str(path.relative_to(ROOT))
-)
+@pytest.mark.parametrize("path", written(), ids=lambda path: str(path.relative_to(ROOT)))
 def test_no_phrase_must_be_read_twice(path: Path) -> None:
     assert not found(path.read_text(encoding="utf-8"))
 

@@ -10,7 +10,7 @@ import time
 MANY = 2048
 """Environments that are weighed."""
 STARTS = 3
-"""Of which the median is told."""
+"""Number of starts, of which the median is reported."""
 
 
 def measure(observation: str, with_compilation: bool) -> dict[str, float | None]:

@@ -58,7 +58,7 @@ class Run:
     evaluations: int | None
     """Of an objective, in the search; the fit's are not counted."""
     reason: str
-    """What was told of a crash; empty otherwise."""
+    """Reason of a crash; empty otherwise."""
     seconds: float
     """In total, fit and certification included."""
 
@@ -150,7 +150,7 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
 
 
 def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> Run:
-    """What is told of a plan."""
+    """The measurements of a plan."""
     status = plan.status.label
     path: Path | None = None
     if plan.success:

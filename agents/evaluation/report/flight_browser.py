@@ -43,7 +43,7 @@ def browser(
     Args:
         flights: of the directory.
         directory: holds paths.npz.
-        fields: by name; those that are not there are drawn anew if their name says how.
+        fields: by name; those that are not there are redrawn if their name says how.
         budget: characters.
 
     Returns:

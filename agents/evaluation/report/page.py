@@ -22,7 +22,7 @@ _TEMPLATE = "template.html"
 _PLACE = "/*DATA*/"
 """Where the template takes the data, once."""
 _EQUAL = 5e-5
-"""Difference of SPL that is none in the digits that are shown."""
+"""Smallest difference of SPL that shows in the printed digits."""
 _CLOCK = "stopped_by_clock"
 _LONG = 400
 """Characters of a value of the provenance that are shown."""
@@ -42,7 +42,7 @@ def write_report(
 
     Args:
         directory: results of an evaluation.
-        fields: by name. Needed for those of files; others are drawn anew by their name. What
+        fields: by name. Needed for those of files; others are redrawn by their name. What
             is neither is shown without obstacles.
         statistics: `agents.evaluation.statistics.summary` of the directory, if it is already there.
         budget: characters that flights may take; beyond, failures and large gaps are kept.

@@ -241,7 +241,7 @@ class _School:
             defer_interrupt(STOPPING) as interrupt,
             self._run.terminal.share_bar() as bar,
         ):
-            # one round at least: whoever was interrupted in the first may have used up its time
+            # one round at least: a run interrupted in the first may have used up its time
             while not interrupt.pressed and (self.pace.done < 1.0 or not record.curve):
                 costs = self._round(interrupt, bar)
                 if costs is None:

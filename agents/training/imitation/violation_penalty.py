@@ -2,7 +2,7 @@
 
 An error of a tenth of a metre costs nothing in the open and a flight beside an obstacle; the
 likelihood of an expert's action cannot tell. Sampled, not certified: what is flown is judged by
-`ferguson_gym.world.feasibility`, as ever.
+`ferguson_gym.world.feasibility`.
 """
 
 from __future__ import annotations

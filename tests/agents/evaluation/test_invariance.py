@@ -1,4 +1,4 @@
-"""Results depend on policy, field and seed alone: agents and planners, whoever flies them."""
+"""Results depend on policy, field and seed alone: agents and planners, whatever flies them."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The shield: flights that arrive whoever flies, and an account of who did."""
+"""The shield: flights that arrive with any policy, and an account of who did."""
 
 import numpy as np
 import pytest

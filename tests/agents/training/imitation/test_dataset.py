@@ -133,7 +133,7 @@ def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
     for hard, least, most in ((0.0, 0, 40), (0.25, 100, 140), (1.0, 400, 400)):
         drawn = known.draw(stream, 400, hard).actions.tolist()
         assert least <= sum(tuple(action) in latest for action in drawn) <= most
-    # without any failure they are drawn as ever
+    # without any failure they are drawn as usual
     easy = ImitationDataset(Settings(nearest=2))
     easy.add(rows[:1], FIELDS.__getitem__)
     assert len(easy.draw(stream, 7, 0.5).actions) == 7

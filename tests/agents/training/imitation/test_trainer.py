@@ -1,4 +1,4 @@
-"""Imitation as `ferguson train` does it: the same model whoever flies and whoever interrupts."""
+"""Imitation as `ferguson train` does it: the same model with any workers and any interruption."""
 
 import csv
 import json
