@@ -44,7 +44,7 @@ def cost(policy: Policy, name: str, fields: Sequence[Field]) -> tuple[list[float
     seconds, arrived = [], 0
     for field in fields:
         began = time.process_time()
-        arrived += fly(policy, name, field, 0).success
+        arrived += fly(policy, field, 0, name=name).success
         seconds.append(time.process_time() - began)
     return seconds, arrived
 
@@ -68,7 +68,7 @@ def main() -> None:
     for name in [*names, "guided", "pursuit", "multi-start"]:
         policy = make_policy(name)
         warm_policy(name)
-        fly(policy, name, fields[0], 0)
+        fly(policy, fields[0], 0, name=name)
         rows.append((name, *cost(policy, name, fields)))
         if is_batched(name) and (place := shipped_agents.find_agent(name)) is not None:
             model = network_policy(place).model

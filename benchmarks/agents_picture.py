@@ -28,7 +28,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
-from agents.flights.flight import fly_by_name
+from agents.flights.flight import fly
 from agents.plots.flight_grid import check_target
 from agents.plots.policy_comparison import COLOURS, draw_comparison
 from agents.policies.registry import make_policy
@@ -236,9 +236,7 @@ def main() -> None:
     if given.command == "curves":
         draw_curves(curves, given.reference, given.out)
     else:
-        panels = [
-            [fly_by_name(policy, one, given.seed) for policy in given.policy] for one in fields
-        ]
+        panels = [[fly(policy, one, given.seed) for policy in given.policy] for one in fields]
         draw_comparison(panels, given.out)
     print(f"wrote {given.out}")
 

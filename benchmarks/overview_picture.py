@@ -20,7 +20,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from agents.flights.flight import Flight, fly_by_name
+from agents.flights.flight import Flight, fly
 from agents.models import loading, shipped_agents
 from agents.models.model import Model
 from agents.policies.lookahead import LASTING, SPREAD
@@ -55,7 +55,7 @@ _SHORTEST: dict[str, Any] = {"color": "black", "ls": (0, (1, 1.6)), "lw": 1.1}
 
 def draw(out: Path) -> None:
     """Fly, and write the picture."""
-    flights = {name: fly_by_name(name, get_field(FIELD), 0) for name in (EXACT, OPTIMISER, AGENT)}
+    flights = {name: fly(name, get_field(FIELD), 0) for name in (EXACT, OPTIMISER, AGENT)}
     width, height = 3 * (SIDE + APART) + APART, TITLE + SIDE + BELOW
     with mpl.rc_context(drawing.style()):
         figure = Figure(figsize=(width, height))

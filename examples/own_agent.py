@@ -102,7 +102,7 @@ def train(steps: int, seed: int, directory: Path) -> None:
 
 def tell(name: str, policy: Policy, fields: list[Field]) -> float:
     """Fly all fields and print a line of them; the SPL."""
-    flights = [fly(policy, name, field, seed=0) for field in fields]
+    flights = [fly(policy, field, seed=0, name=name) for field in fields]
     arrived = sum(flight.success for flight in flights)
     spl = float(np.mean([flight.path_share for flight in flights]))
     print(f"{name:16}{arrived:4}/{len(flights)}   SPL {spl:.3f}", flush=True)

@@ -26,7 +26,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from agents.flights.flight import Flight, fly
-from agents.policies.registry import make_policy
 from ferguson_gym.rendering.drawing import draw_field, draw_path
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field, to_json
@@ -89,7 +88,7 @@ def main(walls: np.ndarray, cell: float, out: Path) -> None:
     for side in (3.0 * cell, cell, cell / 3.0):
         discs = cover(walls, side)
         field = Field(name=f"town in cells of {side:.3g} m", obstacles=discs)
-        flight = fly(make_policy("guided"), "guided", field, seed=0)
+        flight = fly("guided", field)
         flights.append(flight)
         bulge = (discs.radii + from_walls(discs.centers, walls)).max()
         exact = flight.exact_length or np.inf  # none where the discs leave no way

@@ -77,7 +77,9 @@ def cost(chains: np.ndarray, field: Field) -> np.ndarray:
 def compare(policies: dict[str, Policy], fields: list[Field]) -> list[Flight]:
     """Fly all policies through all fields, in the environment."""
     return [
-        fly(policy, name, field, seed=0) for name, policy in policies.items() for field in fields
+        fly(policy, field, seed=0, name=name)
+        for name, policy in policies.items()
+        for field in fields
     ]
 
 

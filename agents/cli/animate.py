@@ -57,7 +57,7 @@ def prepare(options: argparse.Namespace) -> Job:
         ValueError: a policy, a field or a file that cannot be.
     """
     from agents.cli.compile_notice import announce_compilation
-    from agents.flights.flight import fly_by_name
+    from agents.flights.flight import fly
     from agents.plots.animation.animation import animate
     from agents.plots.animation.gif import SUFFIX
     from agents.plots.flight_grid import check_target
@@ -77,7 +77,7 @@ def prepare(options: argparse.Namespace) -> Job:
 
     def job() -> int:
         with announce_compilation(terminal):
-            flight = fly_by_name(options.policy, field, options.seed)
+            flight = fly(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
             frames = animate(flight, options.out, progress)
         terminal.show(

@@ -8,16 +8,13 @@ measures what decisions cost.
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import dataclass, replace
 
 from agents.evaluation import provenance, records
 from agents.evaluation.records import Pack, Record, Trace, record_of, trace_of
 from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
-from agents.flights.flight import Flight, fly_by_name
+from agents.flights.flight import fly
 from agents.policies.spec import PolicySpec
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels, small_field
@@ -42,7 +39,7 @@ class Task:
     drawn: Sequence[bool]
     """Whether each will be drawn."""
     together: int | None = None
-    """Flights of an agent in the air together; None: `agents.flights.batched.TOGETHER`."""
+    """Flights of an agent in the air together; None: `agents.flights.batched.BATCH`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -114,7 +111,7 @@ def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
     for (source, seed), drawn in zip(task.flights, task.drawn, strict=True):
         field = field_of(source)
         try:
-            flight = fly_by_name(task.policy, field, seed)
+            flight = fly(task.policy, field, seed)
         except Exception as error:
             error.add_note(f"while {task.policy} flew the field {field.name}, seed {seed}")
             raise
@@ -124,32 +121,18 @@ def _one_by_one(task: Task) -> list[tuple[Record, Trace]]:
 
 
 def _batch(task: Task) -> list[tuple[Record, Trace]]:
-    from agents.flights.batched import TOGETHER, fly_batch
+    from agents.flights.batched import BATCH, fly_batch
     from agents.models.shipped_agents import find_agent
     from agents.policies.network_policy import network_policy
 
     place = find_agent(PolicySpec.parse(task.policy).agent)
     if place is None:
         raise ValueError(f"there is no agent {task.policy!r} where it was to fly")
-    ready = network_policy(place)
+    model = network_policy(place).model
+    fly_batch(model, [small_field()])  # compiles what the first batch needs, outside the timing
     fields = [field_of(source) for source, _ in task.flights]
-    fly_batch(ready.model, [small_field()])  # what is compiled at first is not timed
-    began = time.perf_counter()
-    batch = fly_batch(ready.model, fields, task.together or TOGETHER)
-    share = (time.perf_counter() - began) / len(fields)
-    flown = []
-    for k, (one, (_, seed)) in enumerate(zip(batch, task.flights, strict=True)):
-        flight = Flight(
-            policy=task.policy,
-            field=one.field,
-            seed=seed,
-            outcome=one.outcome,
-            control=np.asarray(one.control),
-            refused=one.refused,
-            clearance=one.clearance,
-            seconds=share,
-            decision_seconds=[],
-            decisions=[],
-        )
-        flown.append((record_of(flight), trace_of(flight, task.drawn[k])))
-    return flown
+    flights = fly_batch(model, fields, task.together or BATCH, name=task.policy)
+    return [
+        (record_of(replace(flight, seed=seed)), trace_of(flight, drawn))
+        for flight, (_, seed), drawn in zip(flights, task.flights, task.drawn, strict=True)
+    ]

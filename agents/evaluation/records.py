@@ -106,7 +106,7 @@ def record_of(flight: Flight) -> Record:
         seconds=flight.seconds,
         decision_seconds=np.array(flight.decision_seconds),
         evaluations=flight.evaluations,
-        hands=flight.hands,
+        hands=flight.shield_decisions,
     )
 
 
@@ -136,7 +136,7 @@ def flight_of(record: Record, trace: Trace, field: Field) -> Flight:
         decisions=[
             Decision(chain, report) for chain, report in zip(trace.windows, reports, strict=True)
         ],
-        hands=record.hands,
+        shield_decisions=record.hands,
     )
 
 

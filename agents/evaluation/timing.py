@@ -65,7 +65,7 @@ def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
     began = time.perf_counter()
     for index in _spread(request.each, MOST):
         source, seed = request.flight(index)
-        flown = fly(ready, policy, field_of(source), seed)
+        flown = fly(ready, field_of(source), seed, name=policy)
         decisions += flown.decision_seconds
         flights.append(flown.seconds)
         raise_if_interrupted()

@@ -1,1 +1,10 @@
-"""Flying policies through fields, one by one or in batches, and what is measured of a flight."""
+"""Flying policies through fields: one flight, a batch of flights, and measures of both.
+
+`fly` flies any policy in the environment, with a hook on each step; `fly_batch` flies a learned
+policy through many fields at once. Both return a `Flight`.
+"""
+
+from agents.flights.batched import fly_batch as fly_batch
+from agents.flights.flight import Flight as Flight
+from agents.flights.flight import StepData as StepData
+from agents.flights.flight import fly as fly

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import gymnasium as gym
 
 from agents.flights.metrics import path_share
 from agents.policies.interface import Policy
@@ -17,8 +20,12 @@ from ferguson_gym.curves.path import Path
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import as_field
 from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world.transition import State
 from planners.interface import Decision, Route
 
 
@@ -27,26 +34,27 @@ class Flight:
     """One flight of a policy through a field."""
 
     policy: str
+    """The policy's name."""
     field: Field
-    seed: int
+    seed: int = 0
     """Policy seed."""
     outcome: Outcome
     control: Array
-    """Segments (n, 4, 2) flown, as far as it got."""
+    """(n, 4, 2) segments flown [m, m per unit t]."""
     refused: Array | None
-    """The segment (4, 2) that ended the flight without being flown, if one did."""
+    """(4, 2) the infeasible segment that ended the flight, which was not flown, if any."""
     clearance: float
-    """Least clearance along what was flown [m]."""
-    seconds: float
-    """The whole flight."""
-    decision_seconds: list[float]
-    """Time to choose each action."""
-    decisions: list[Decision]
-    """What a planner decided; empty for policies that are none."""
-    hands: Sequence[ShieldDecision] = ()
-    """In whose hands each step was; empty for policies without a shield."""
+    """Least clearance along the segments flown [m]."""
+    seconds: float = math.nan
+    """Duration of the whole flight [s]; in a batch, an equal share of the batch's."""
+    decision_seconds: Sequence[float] = ()
+    """Time to choose each action [s]; empty in a batch, whose actions are chosen together."""
+    decisions: Sequence[Decision] = ()
+    """The planner's decisions; empty for policies without a planner."""
+    shield_decisions: Sequence[ShieldDecision] = ()
+    """Who decided each step and why; empty for policies without a shield."""
     route: Route | None = None
-    """What a planner of whole paths found before segments were fitted to it."""
+    """The route that a whole-path planner found before it fitted segments to it."""
 
     @property
     def success(self) -> bool:
@@ -60,7 +68,7 @@ class Flight:
 
     @property
     def exact_length(self) -> float | None:
-        """Length of the field's shortest path [m]; None without one, or without plane discs."""
+        """Length of the field's shortest path [m]; None without one or with other obstacles."""
         return exact_length(self.field)
 
     @property
@@ -71,12 +79,12 @@ class Flight:
 
     @property
     def path_share(self) -> float:
-        """Its part in SPL, the mean of these over flights."""
+        """This flight's term in SPL, which is the mean of these terms over flights."""
         return float(path_share(self.success, self.length, self.exact_length))
 
     @property
     def min_turn_radius(self) -> float:
-        """Smallest turn radius flown [m]; infinite if it never turned."""
+        """Smallest turn radius along the flight [m]; infinite if the path is straight."""
         return Path(self.control).min_turn_radius if len(self.control) else math.inf
 
     @property
@@ -85,46 +93,85 @@ class Flight:
         return sum(decision.report.evaluations for decision in self.decisions)
 
 
-def fly(policy: Policy, name: str, field: Field, seed: int) -> Flight:
-    """Fly a policy through a field in the environment: a function of (policy, field, seed)."""
+class StepData(NamedTuple):
+    """What the environment reported after its reset, or after one step."""
+
+    observation: Observation
+    """After the step."""
+    state: State
+    """The vehicle's state after the step, not rounded as observations are."""
+    info: Mapping[str, Any]
+    action: Action | None = None
+    """(4,), None after the reset."""
+    reward: float = 0.0
+    terminated: bool = False
+    truncated: bool = False
+
+
+def fly(
+    policy: Policy | str,
+    field: Field | str,
+    seed: int = 0,
+    *,
+    name: str | None = None,
+    environment: gym.Env[Observation, Action] | None = None,
+    on_step: Callable[[StepData], object] | None = None,
+) -> Flight:
+    """Fly a policy through a field in the environment until the flight ends.
+
+    The flight is a function of (policy, field, seed), except for its times.
+
+    Args:
+        policy: A policy, or the name of one.
+        field: A planar field with discs, or the name of one.
+        seed: Policy seed.
+        name: What the flight calls its policy; by default the name given, or the policy's class.
+        environment: An `ObstacleField`, wrapped or not; None: one with default settings.
+        on_step: Called with what the environment reports, after the reset and after each step.
+
+    Raises:
+        ValueError: An unknown policy or field, an agent that cannot be loaded, or a field that is
+            not planar.
+        TypeError: Obstacles other than discs.
+    """
+    if isinstance(policy, str):
+        named = make_policy(policy)  # agents are ready when they are loaded
+        warm_policy(policy)
+        name, policy = name or policy, named
     compile_kernels()
-    env = ObstacleField(fields=1)  # no room for drawn fields: one is handed in
+    field = as_field(field)
+    env = ObstacleField(fields=1) if environment is None else environment
+    inner: Any = env.unwrapped
     began = time.perf_counter()
     observation, info = env.reset(seed=0, options={"field": field})
     policy.begin(field, seed)
+    if on_step is not None:
+        on_step(StepData(observation, inner.state, info))
     outcome = Outcome.FLYING
     decision_seconds: list[float] = []
     while outcome is Outcome.FLYING:
         asked = time.perf_counter()
-        action = policy.act(observation, env.state)
+        action = policy.act(observation, inner.state)
         decision_seconds.append(time.perf_counter() - asked)
         if action is None:
             outcome = Outcome.GAVE_UP
             break
-        observation, _, _, _, info = env.step(action)
+        observation, reward, terminated, truncated, info = env.step(action)
         outcome = Outcome.from_code(info["outcome"])
+        if on_step is not None:
+            step = (action, float(reward), terminated, truncated)
+            on_step(StepData(observation, inner.state, info, *step))
     return Flight(
-        policy=name,
+        policy=type(policy).__name__ if name is None else name,
         field=field,
         seed=seed,
         outcome=outcome,
-        control=env.control,
-        refused=env.refused,
+        control=inner.control,
+        refused=inner.refused,
         clearance=float(info["clearance"]),
         seconds=time.perf_counter() - began,
         decision_seconds=decision_seconds,
         decisions=list(getattr(policy, "decisions", [])),
-        hands=list(getattr(policy, "hands", [])),
+        shield_decisions=list(getattr(policy, "shield_decisions", [])),
         route=getattr(policy, "route", None),
     )
-
-
-def fly_by_name(name: str, field: Field, seed: int) -> Flight:
-    """As `fly`, for a policy by its name: what a worker process is handed.
-
-    Raises:
-        ValueError: an unknown policy, or an agent that cannot be loaded.
-    """
-    policy = make_policy(name)  # agents are ready when they are loaded
-    warm_policy(name)
-    return fly(policy, name, field, seed)

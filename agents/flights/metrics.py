@@ -1,10 +1,11 @@
-"""Metrics of many plans: success with its uncertainty, progress in time, profiles."""
+"""Measures of flights and plans: success, SPL, gaps, their quantiles and progress in time."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,12 +13,15 @@ from scipy.stats import norm
 
 from ferguson_gym.runtime.arrays import Array
 
+if TYPE_CHECKING:
+    from agents.flights.flight import Flight
+
 CONFIDENCE = 0.95
-"""Of intervals."""
+"""Confidence level of all intervals."""
 
 
 class Interval(NamedTuple):
-    """From where to where."""
+    """The ends of an interval."""
 
     low: float
     high: float
@@ -43,7 +47,7 @@ def success_interval(successes: float, number: int) -> Interval:
         (0.946, 0.998)
     """
     if not 0 <= successes <= number or number == 0:
-        raise ValueError(f"need at least one attempt, got {successes} successes of {number}")
+        raise ValueError(f"need at least one trial, got {successes} successes of {number}")
     # scipy.stats.binomtest has the same interval, but for whole numbers alone
     share, z = successes / number, float(norm.ppf(0.5 + CONFIDENCE / 2.0))
     middle = (share + z * z / (2.0 * number)) / (1.0 + z * z / number)
@@ -54,12 +58,12 @@ def success_interval(successes: float, number: int) -> Interval:
 
 
 def path_share(success: ArrayLike, length: ArrayLike, exact: ArrayLike | None) -> Array:
-    """A flight's part in SPL: exact / max(length, exact) [m] if it arrived, else 0.
+    """A flight's term in SPL: exact / max(length, exact) if it succeeded, else 0.
 
     Args:
         success: (n,) or a single value; likewise the next two.
         length: Length flown [m].
-        exact: Length of the shortest path [m]; None or NaN where none is known, which counts 0.
+        exact: Length of the shortest path [m]; None or NaN if it is not known, which counts 0.
 
     Reference:
         Anderson et al. (2018), On evaluation of embodied navigation agents, arXiv:1807.06757.
@@ -77,7 +81,7 @@ def best_so_far(progress: Sequence[tuple[float, float]], seconds: ArrayLike) -> 
     """The best length at given times: (n,) [m], infinite before the first.
 
     Args:
-        progress: seconds and the length [m] reached then, in order of time.
+        progress: Pairs of seconds and the length [m] reached then, in order of time.
         seconds: (n,).
     """
     at = np.array([when for when, _ in progress])
@@ -86,7 +90,7 @@ def best_so_far(progress: Sequence[tuple[float, float]], seconds: ArrayLike) -> 
 
 
 def share_within(values: Sequence[float | None], levels: ArrayLike) -> Array:
-    """Share of values that are at most each level: (n,) in [0, 1]; None is never.
+    """Share of values that are at most each level: (n,) in [0, 1]; None counts as infinite.
 
     With gaps this is a performance profile.
 
@@ -99,13 +103,49 @@ def share_within(values: Sequence[float | None], levels: ArrayLike) -> Array:
 
 
 def quantile(values: Sequence[float], share: float) -> float | None:
-    """The least value that so large a share of them does not exceed; None without values.
+    """The least value such that at least this share of values does not exceed it.
 
-    One of the values, never between two: some may be infinite.
+    It is always one of the values, since interpolation fails where some are infinite; None
+    without values.
     """
     return float(np.quantile(values, share, method="inverted_cdf")) if len(values) else None
 
 
 def finite(value: float | None) -> float | None:
-    """A value as JSON has it: None where it is infinite or there is none."""
+    """A value for JSON: None where it is infinite, NaN or missing."""
     return value if value is not None and math.isfinite(value) else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Score:
+    """Success, SPL and gap of some flights."""
+
+    flights: int
+    success: float
+    """Share of flights that succeeded."""
+    success_low: float
+    """Lower end of Wilson's 95 % interval of `success`."""
+    success_high: float
+    spl: float
+    """Mean of success x exact / max(length, exact)."""
+    gap: float | None
+    """Median over successful flights; None without any."""
+
+
+def score(flights: Sequence[Flight]) -> Score:
+    """Score flights.
+
+    Raises:
+        ValueError: There are no flights.
+    """
+    gaps = [flight.gap for flight in flights if flight.gap is not None]
+    successes = sum(flight.success for flight in flights)
+    low, high = success_interval(successes, len(flights))
+    return Score(
+        flights=len(flights),
+        success=successes / len(flights),
+        success_low=low,
+        success_high=high,
+        spl=float(np.mean([flight.path_share for flight in flights])),
+        gap=float(np.median(gaps)) if gaps else None,
+    )

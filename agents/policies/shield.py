@@ -77,7 +77,7 @@ class Shield:
         """`guided` takes over where no other planner is given."""
         self._agent = agent
         self._planner: Replanner = Guided() if planner is None else planner
-        self.hands: list[ShieldDecision] = []
+        self.shield_decisions: list[ShieldDecision] = []
         """Who decided the steps of this flight so far."""
         self.decisions: list[Decision] = []
         """What was decided in them; the agent's as its segment, and the next if it was asked."""
@@ -90,7 +90,7 @@ class Shield:
         self._ahead: _Proposal | None = None
         self._way_on: tuple[transition.State, Decision] | None = None
         self._nearest, self._wasted = math.inf, 0
-        self.hands, self.decisions = [], []
+        self.shield_decisions, self.decisions = [], []
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The agent's action if it passes the check, else the planner's.
@@ -126,7 +126,7 @@ class Shield:
     def _measure(self, vehicle: transition.State) -> None:
         """Note how near to the goal the flight was, and how often the agent led no nearer."""
         distance = self._distance(vehicle)
-        if distance >= self._nearest and self.hands[-1:] == [ShieldDecision.AGENT]:
+        if distance >= self._nearest and self.shield_decisions[-1:] == [ShieldDecision.AGENT]:
             self._wasted += 1
         self._nearest = min(distance, self._nearest)
 
@@ -136,7 +136,7 @@ class Shield:
         return float(distance)
 
     def _note(self, hand: ShieldDecision, decision: Decision) -> None:
-        self.hands.append(hand)
+        self.shield_decisions.append(hand)
         self.decisions.append(decision)
 
     def _proposal(self, observation: Observation, vehicle: transition.State) -> _Proposal:

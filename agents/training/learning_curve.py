@@ -11,7 +11,8 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.flights.batched import Score, fly_batch, score
+from agents.flights.batched import fly_batch
+from agents.flights.metrics import Score, score
 from agents.models import loading, torch_model
 from agents.models.model import MODEL
 from agents.models.model_card import CARD, ModelCard, read_card, write_card

@@ -16,7 +16,6 @@ from PIL import Image
 from agents.cli.main import main
 from agents.flights.flight import fly
 from agents.policies.planner_policies import planner_policy
-from agents.policies.registry import make_policy
 from ferguson_gym.curves.path import Path as Curve
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.feasibility import is_feasible
@@ -73,7 +72,7 @@ def test_the_own_planner_flies_what_it_plans_and_is_measured_as_others(run: Run)
     fields = list(get_fields("standard/train:0-3"))
     gaps = []
     for field in fields:
-        flight = fly(planner_policy(planner), "shooting", field, seed=0)
+        flight = fly(planner_policy(planner), field, seed=0, name="shooting")
         plan = planner.plan(field, initial_state(field), 0)
         assert flight.control.tobytes() == plan.control.tobytes()
         assert is_feasible(flight.control, field).all()
@@ -136,7 +135,7 @@ def test_the_town_is_flown_without_touching_a_wall(run: Run) -> None:
 
     field = get_field("results/examples/town.json")
     assert shortest_path(field).length == pytest.approx(exact[1], abs=0.006)
-    flight = fly(make_policy("guided"), "guided", field, seed=0)
+    flight = fly("guided", field)
     assert names["from_walls"](Curve(flight.control).points(200), walls).min() >= -1e-5
     assert main(printed_command(text)) == 0
 

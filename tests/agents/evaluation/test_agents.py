@@ -13,7 +13,7 @@ from agents.cli.main import main
 from agents.evaluation import run, work
 from agents.evaluation.request import Request
 from agents.evaluation.work import Work
-from agents.flights.flight import fly_by_name
+from agents.flights.flight import fly
 from agents.runtime.executors import Backend
 from tests.support.small_models import saved
 
@@ -39,7 +39,7 @@ def test_flights_are_those_of_the_agent_alone(model: Path, tmp_path: Path) -> No
         assert contents(out) == one
     with (tmp_path / "one" / "flights.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
-    alone = fly_by_name(str(model), run.field_of(FIELDS[-1]), 0)
+    alone = fly(str(model), run.field_of(FIELDS[-1]), 0)
     assert rows[-1]["length"] == repr(alone.length)
     assert rows[-1]["outcome"] == alone.outcome.label
     with (tmp_path / "one" / "timings.csv").open(newline="") as file:

@@ -10,7 +10,7 @@ import pytest
 from agents.evaluation.records import record_of
 from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
 from agents.evaluation.run import evaluate
-from agents.flights.flight import fly_by_name
+from agents.flights.flight import fly
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
@@ -84,7 +84,7 @@ def test_without_a_shortest_path_there_is_no_gap() -> None:
     closed = Field(
         name="closed", obstacles=Discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
     )
-    flight = record_of(replace(fly_by_name("single-start", FIELDS[0], 0), field=closed))
+    flight = record_of(replace(fly("single-start", FIELDS[0], 0), field=closed))
     assert flight.exact_length is None
     assert flight.gap is None
     assert flight_row(flight)[6:8] == ["", ""]

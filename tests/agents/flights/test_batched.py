@@ -9,8 +9,9 @@ pytest.importorskip("sb3_contrib")
 
 import torch
 
-from agents.flights.batched import fly_batch, score
+from agents.flights.batched import fly_batch
 from agents.flights.flight import fly
+from agents.flights.metrics import score
 from agents.models.model import Model
 from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.shortest_paths.exact import exact_length
@@ -36,7 +37,7 @@ def model_of(algorithm: str, environment: dict) -> Model:
 def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment: dict) -> None:
     model = model_of(algorithm, environment)
     pilot = NetworkPolicy(model)
-    alone = [fly(pilot, "pilot", field, 0) for field in FIELDS]
+    alone = [fly(pilot, field, 0) for field in FIELDS]
     assert max(len(flight.control) for flight in alone) > 2
     for num in (1, 3, 7, 256):
         for mine, theirs in zip(fly_batch(model, FIELDS, num), alone, strict=True):
@@ -77,7 +78,7 @@ def test_nothing_is_flown_of_no_fields_and_none_without_room() -> None:
     assert fly_batch(model, []) == []
     with pytest.raises(ValueError, match="need at least one flight at a time, got num=0"):
         fly_batch(model, FIELDS, num=0)
-    with pytest.raises(ValueError, match="at least one attempt"):
+    with pytest.raises(ValueError, match="at least one trial"):
         score([])
 
 

@@ -42,9 +42,9 @@ def copy(model: Path, tmp_path: Path) -> Path:
 PROGRAM = """
 import sys
 import numpy as np
-from agents.flights.flight import fly_by_name
+from agents.flights.flight import fly
 from ferguson_gym.world.field_names import get_fields
-flights = [fly_by_name(sys.argv[1], field, 0) for field in get_fields(sys.argv[2])]
+flights = [fly(sys.argv[1], field, 0) for field in get_fields(sys.argv[2])]
 np.save(sys.argv[3], np.concatenate([flight.control for flight in flights]))
 """
 

@@ -53,7 +53,7 @@ FIELDS = [beside_the_way(depth) for depth in (-0.5, -0.1, 0.1, 0.2, 0.4)]
 
 
 def flown(policy: Any, seed: int = 0) -> list[Flight]:
-    return [fly(policy, "x", field, seed) for field in FIELDS]
+    return [fly(policy, field, seed) for field in FIELDS]
 
 
 def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -> None:
@@ -77,7 +77,7 @@ def test_a_seed_decides_what_is_imagined() -> None:
 
 def test_where_nothing_arrives_its_own_flight_is_flown() -> None:
     field = Field(name="a wall", obstacles=Discs(np.array([[50.0, 50.0]]), np.array([30.0])))
-    own, imagined = fly(PILOT, "x", field, 0), fly(LookaheadPolicy(PILOT, 2), "x", field, 0)
+    own, imagined = fly(PILOT, field, 0), fly(LookaheadPolicy(PILOT, 2), field, 0)
     assert own.outcome is imagined.outcome is Outcome.COLLISION
     np.testing.assert_array_equal(own.control, imagined.control)
 

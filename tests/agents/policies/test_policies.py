@@ -26,7 +26,7 @@ def test_flying_single_start_is_its_plan(field: str) -> None:
     planner = make("single-start")
     for flown in get_fields(field):
         plan = planner.plan(flown, initial_state(flown), 0)
-        assert_same(fly(ReplanningPolicy(planner), "single-start", flown, 0), plan)
+        assert_same(fly(ReplanningPolicy(planner), flown, 0, name="single-start"), plan)
 
 
 def test_flying_into_a_dead_end_is_its_plan() -> None:
@@ -35,7 +35,7 @@ def test_flying_into_a_dead_end_is_its_plan() -> None:
     field = Field(name="head-on", obstacles=disc, start_derivative=np.array([5.0, 0.0]))
     plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.status is Status.STUCK
-    assert_same(fly(ReplanningPolicy(make("single-start")), "single-start", field, 0), plan)
+    assert_same(fly(ReplanningPolicy(make("single-start")), field, 0, name="single-start"), plan)
 
 
 @pytest.mark.parametrize("planner", PLANNERS)
@@ -43,8 +43,8 @@ def test_flying_any_planner_is_its_plan_replanned_or_tracked(planner: str) -> No
     seed = 1
     field = get_field("sparse/train:3")
     plan = quick(planner).plan(field, initial_state(field), seed)
-    assert_same(fly(planner_policy(quick(planner)), planner, field, seed), plan)
-    tracked = fly(TrackingPolicy(quick(planner)), planner, field, seed)
+    assert_same(fly(planner_policy(quick(planner)), field, seed, name=planner), plan)
+    tracked = fly(TrackingPolicy(quick(planner)), field, seed, name=planner)
     np.testing.assert_allclose(tracked.control, plan.control, rtol=0, atol=1e-9)
     if plan.success:
         assert tracked.success
@@ -57,14 +57,14 @@ def test_flying_multi_start_is_its_plan_on_many_fields_and_seeds(suite: str) -> 
     for seed in range(3):
         field = get_field(f"{suite}/train:{seed}")
         plan = planner.plan(field, initial_state(field), seed)
-        assert_same(fly(planner_policy(planner), "multi-start", field, seed), plan)
+        assert_same(fly(planner_policy(planner), field, seed, name="multi-start"), plan)
 
 
 def test_seeds_change_the_random_starts_and_repeat() -> None:
     field = get_field("sparse/train:2")
     planner = RecedingHorizon(random_starts=2)
     first, again, other = (
-        fly(ReplanningPolicy(planner), "multi-start", field, seed) for seed in (4, 4, 5)
+        fly(ReplanningPolicy(planner), field, seed, name="multi-start") for seed in (4, 4, 5)
     )
     np.testing.assert_array_equal(first.control, again.control)
     assert [d.report.objective for d in first.decisions] != [
@@ -75,7 +75,7 @@ def test_seeds_change_the_random_starts_and_repeat() -> None:
 def test_a_policy_can_fly_one_field_after_another() -> None:
     policy = make_policy("single-start")
     names = ["sparse/train:0", "sparse/train:1", "sparse/train:0"]
-    flights = [fly(policy, "single-start", get_field(name), 0) for name in names]
+    flights = [fly(policy, get_field(name)) for name in names]
     np.testing.assert_array_equal(flights[0].control, flights[2].control)
     assert len(flights[1].decisions) == len(flights[1].decision_seconds)
 

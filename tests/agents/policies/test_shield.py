@@ -5,7 +5,7 @@ import pytest
 
 from agents.evaluation import summary
 from agents.evaluation.tables import shields
-from agents.flights.flight import Flight, fly, fly_by_name
+from agents.flights.flight import Flight, fly
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
 from agents.policies.shield import PATIENCE, Shield
@@ -52,7 +52,7 @@ class Never:
 
 
 def shielded(agent: Policy, field: Field) -> Flight:
-    return fly(Shield(agent), "shielded", field, 0)
+    return fly(Shield(agent), field, 0, name="shielded")
 
 
 def states(flown: Flight) -> list[transition.State]:
@@ -69,8 +69,8 @@ def test_whoever_flies_arrives(agent: str, spec: str) -> None:
         flown = shielded(AGENTS[agent](), field)
         assert flown.outcome is Outcome.GOAL_REACHED
         assert is_feasible(flown.control, field).all()
-        assert len(flown.hands) == len(flown.decisions) == len(flown.control)
-        assert not {ShieldDecision.UNPROVEN, ShieldDecision.STUCK} & set(flown.hands)
+        assert len(flown.shield_decisions) == len(flown.decisions) == len(flown.control)
+        assert not {ShieldDecision.UNPROVEN, ShieldDecision.STUCK} & set(flown.shield_decisions)
 
 
 @pytest.mark.parametrize("agent", ["straight", "noisy", "very noisy", "circling"])
@@ -79,7 +79,7 @@ def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
     flown = shielded(AGENTS[agent](), field)
     accepted = [
         s
-        for hand, s in zip(flown.hands, states(flown)[1:], strict=True)
+        for hand, s in zip(flown.shield_decisions, states(flown)[1:], strict=True)
         if hand is ShieldDecision.AGENT
     ]
     assert accepted
@@ -89,9 +89,9 @@ def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
 
 def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state() -> None:
     field = get_field("sparse/train:0")
-    alone, under = (fly_by_name(name, field, 0) for name in ("guided", "guided+shield"))
+    alone, under = (fly(name, field, 0) for name in ("guided", "guided+shield"))
     np.testing.assert_array_equal(under.control, alone.control)
-    assert set(under.hands) == {ShieldDecision.AGENT}
+    assert set(under.shield_decisions) == {ShieldDecision.AGENT}
     agent = Always(0.0, 0.0, 0.0, 0.0)
     shielded(agent, OPEN)
     asked = [state.segments for state in agent.asked]
@@ -107,37 +107,37 @@ def test_an_agent_of_no_use_leaves_the_planners_own_flight(
 ) -> None:
     field = get_field("traps/train:0")
     flown = shielded(agent, field)
-    np.testing.assert_array_equal(flown.control, fly_by_name("guided", field, 0).control)
-    assert set(flown.hands) == {hand}
-    assert share_handed_over(flown.hands) == 1.0
+    np.testing.assert_array_equal(flown.control, fly("guided", field, 0).control)
+    assert set(flown.shield_decisions) == {hand}
+    assert share_handed_over(flown.shield_decisions) == 1.0
 
 
 def test_a_segment_that_leads_nowhere_is_handed_over_before_it_is_flown() -> None:
     flown = shielded(Straight(), HEAD_ON)
-    assert flown.hands[0] is ShieldDecision.NOT_CONTINUABLE
+    assert flown.shield_decisions[0] is ShieldDecision.NOT_CONTINUABLE
     assert flown.success
 
 
 def test_an_agent_may_waste_a_few_segments_but_not_circle() -> None:
     flown = shielded(Always(*CIRCLING), OPEN)
-    assert ShieldDecision.LOITERING in flown.hands
+    assert ShieldDecision.LOITERING in flown.shield_decisions
     to_go, _ = distance_to_go(OPEN)(np.array([s.position for s in states(flown)]))
     nearest = np.minimum.accumulate(to_go)
-    agents = np.array([hand is ShieldDecision.AGENT for hand in flown.hands])
+    agents = np.array([hand is ShieldDecision.AGENT for hand in flown.shield_decisions])
     assert (agents & (to_go[1:] >= nearest[:-1])).sum() == PATIENCE
 
 
 def test_an_agent_that_creeps_leaves_segments_enough_to_arrive() -> None:
     flown = shielded(Straight(stride=3.2), OPEN)
     assert flown.success
-    assert ShieldDecision.RUNNING_OUT in flown.hands
-    assert flown.hands[0] is ShieldDecision.AGENT
+    assert ShieldDecision.RUNNING_OUT in flown.shield_decisions
+    assert flown.shield_decisions[0] is ShieldDecision.AGENT
     assert len(flown.control) <= PAPER_LIMITS.segments
 
 
 def test_what_the_planner_cannot_better_is_flown_and_counted_as_unproven() -> None:
-    flown = fly(Shield(Straight(), Never()), "unproven", HEAD_ON, 0)
-    assert flown.hands == [ShieldDecision.UNPROVEN, ShieldDecision.STUCK]
+    flown = fly(Shield(Straight(), Never()), HEAD_ON, 0, name="unproven")
+    assert flown.shield_decisions == [ShieldDecision.UNPROVEN, ShieldDecision.STUCK]
     assert flown.outcome is Outcome.GAVE_UP
     assert len(flown.control) == 1
 
@@ -156,9 +156,9 @@ def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
 
 
 def test_what_happened_is_told_in_a_table() -> None:
-    flown = [shielded(Always(*CIRCLING), OPEN), fly_by_name("guided", OPEN, 0)]
+    flown = [shielded(Always(*CIRCLING), OPEN), fly("guided", OPEN, 0)]
     told = summary.shields(flown)
-    assert told[0]["steps"] == len(flown[0].hands)
+    assert told[0]["steps"] == len(flown[0].shield_decisions)
     table = shields(told)
     assert table is not None
     assert table.row_count == 1

@@ -100,7 +100,7 @@ def test_an_evaluation_interrupted_during_timing_repeats_only_the_timing(
         assert main(command) == 130
     assert len(ended) == 2  # the flight was finished
     assert [path.name for path in tmp_path.iterdir()] == [WORK]
-    monkeypatch.setattr(chunks, "fly_by_name", lambda *_: 1 / 0)
+    monkeypatch.setattr(chunks, "fly", lambda *_: 1 / 0)
     assert main(command) == 0
     assert (tmp_path / "summary.json").exists()
 

@@ -16,7 +16,8 @@ pytest.importorskip("yaml")
 import yaml
 
 from agents.cli.main import main
-from agents.flights.batched import fly_batch, score
+from agents.flights.batched import fly_batch
+from agents.flights.metrics import score
 from agents.models import loading
 from agents.training import checkpoint as training_checkpoint
 from agents.training.budget import LinearSchedule, TrainingBudget

@@ -150,7 +150,7 @@ for planner in PLANNERS:
 before = kernels()
 for planner in PLANNERS:
     for field in fields:
-        fly(planner_policy(quick(planner)), planner, field, 0)
+        fly(planner_policy(quick(planner)), field)
 print(sorted(kernels() - before))
 """
 

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from agents.flights.flight import fly
-from agents.policies.registry import make_policy
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
@@ -126,7 +125,7 @@ def test_planning_from_any_state_on_the_way_gives_the_rest(spec: str) -> None:
 def test_a_flight_is_its_plan(name: str) -> None:
     for field in get_fields("traps/train:0-2"):
         plan = make(name).plan(field, initial_state(field), 0)
-        flight = fly(make_policy(name), name, field, 0)
+        flight = fly(name, field)
         assert flight.outcome is plan.status.outcome
         np.testing.assert_array_equal(flight.control, plan.control)
 

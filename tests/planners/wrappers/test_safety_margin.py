@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from agents.flights.flight import fly
-from agents.policies.registry import make_policy
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
@@ -66,7 +65,7 @@ def test_a_flight_is_its_plan_and_its_decisions_are_certified() -> None:
     name = f"guided+margin={MARGIN}"
     for field in get_fields("dense/train:0-3"):
         plan = make(name).plan(field, initial_state(field), 0)
-        flight = fly(make_policy(name), name, field, 0)
+        flight = fly(name, field)
         assert flight.outcome is plan.status.outcome
         np.testing.assert_array_equal(flight.control, plan.control)
         for decision in plan.decisions:

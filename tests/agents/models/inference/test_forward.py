@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from agents.flights.batched import fly_batch
-from agents.flights.flight import fly_by_name
+from agents.flights.flight import fly
 from agents.models import loading, shipped_agents
 from agents.models.architecture import Architecture, architecture_of
 from agents.models.inference.forward import CompiledNetwork
@@ -227,7 +227,7 @@ agent = make_policy("dagger-ppo")
 best = make_policy("best")
 before = kernels()
 for policy in (agent, best):
-    fly(policy, "x", fields[0], 0)
+    fly(policy, fields[0])
 fly_batch(agent.model, fields)
 print(sorted(kernels() - before))
 """
@@ -263,7 +263,7 @@ def test_the_best_agent_is_evaluated_without_torch(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert [row["success"] for row in rows] == ["1", "1", "1"]
     for row in rows:  # and the flights are those of a process with torch
-        flown = fly_by_name(row["policy"], get_field(row["field"]), 0)
+        flown = fly(row["policy"], get_field(row["field"]), 0)
         assert row["length"] == repr(flown.length)
 
 

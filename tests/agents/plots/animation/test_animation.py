@@ -10,7 +10,7 @@ import pytest
 from PIL import Image
 
 from agents.cli.main import main
-from agents.flights.flight import Flight, fly, fly_by_name
+from agents.flights.flight import Flight, fly
 from agents.plots.animation.animation import Painter, animate
 from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, frames_of
 from agents.plots.animation.gif import COLOURS, Palette, write_gif
@@ -35,7 +35,7 @@ REPLANNERS = ("single-start", "multi-start", "guided")
 
 @cache
 def flown(policy: str, field: Field) -> Flight:
-    return fly(planner_policy(make(policy)), policy, field, 0)
+    return fly(planner_policy(make(policy)), field, 0, name=policy)
 
 
 @pytest.mark.parametrize("policy", REPLANNERS)
@@ -274,7 +274,7 @@ def test_bad_input_is_one_line_and_status_two(
 
 def test_what_a_planner_did_not_know_stays_pale() -> None:
     field = get_field("standard/train:0")
-    flight = fly_by_name("guided+sensing=20", field, 0)
+    flight = fly("guided+sensing=20", field, 0)
     counts = [len(shot.known.obstacles) for shot in frames_of(flight) if shot.known is not None]
     assert counts == sorted(counts)
     assert 0 < counts[0] < counts[-1] <= len(field.obstacles)

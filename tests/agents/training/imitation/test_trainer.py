@@ -23,7 +23,8 @@ import yaml
 
 from agents.cli.arguments import GOES_ON
 from agents.cli.main import main
-from agents.flights.batched import fly_batch, score
+from agents.flights.batched import fly_batch
+from agents.flights.metrics import score
 from agents.models import loading
 from agents.training.imitation import dagger_rollouts, demonstration_data
 from agents.training.imitation.behavior_cloning import BehaviorCloning
