@@ -26,7 +26,7 @@ def main(number: int) -> None:
     fields = list(get_fields(f"standard/train:0-{number - 1}"))
     table = Table(title=f"multi-start on standard/train:0-{number - 1}")
     for column in (
-        "stiffness [1/m]",
+        "bending weight [1/m]",
         "arrived",
         "evaluations/start",
         "step [ms]",
@@ -38,7 +38,7 @@ def main(number: int) -> None:
     RecedingHorizon().plan(fields[0], initial_state(fields[0]), 0)
     without: dict[str, float] = {}
     for weight in WEIGHTS:
-        planner = RecedingHorizon(settings=WindowSettings(stiffness=weight))
+        planner = RecedingHorizon(settings=WindowSettings(bending_weight=weight))
         plans: dict[str, Plan] = {
             field.name: planner.plan(field, initial_state(field), 0) for field in fields
         }

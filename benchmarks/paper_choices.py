@@ -85,7 +85,7 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
         unchanged,
     ),
     "no sidestep": (RecedingHorizon(solver=MultiStart(sidesteps=())), unchanged),
-    "bending 1e-5": (RecedingHorizon(settings=WindowSettings(stiffness=1e-5)), unchanged),
+    "bending 1e-5": (RecedingHorizon(settings=WindowSettings(bending_weight=1e-5)), unchanged),
 }
 
 

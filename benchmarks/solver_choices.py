@@ -26,6 +26,7 @@ from ferguson_gym.world.field_names import get_fields
 from planners.optimization.certification import Certified
 from planners.optimization.sqp import elastic_sqp
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
+from planners.optimization.sqp.iterate import Iterate
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.receding_horizon.paper import RecedingHorizon
 
@@ -37,16 +38,14 @@ def raise_eigenvalues(matrix: Array, floor: float, out: Array) -> None:
     out[:] = (vectors * values) @ vectors.T
 
 
-def _lagrangian_gradient(point: elastic_sqp._Point, tension: Array, pulls: Array) -> Array:
+def _lagrangian_gradient(point: Iterate, tension: Array, pulls: Array) -> Array:
     return point.gradient - tension @ point.expansion.length_slope - pulls
 
 
 class _Bfgs(elastic_sqp.Search):
     """Damped BFGS (Powell 1978) in the place of the exact Hessian."""
 
-    def _differentiate(
-        self, point: elastic_sqp._Point, before: elastic_sqp._Point, multipliers: Array
-    ) -> None:
+    def _differentiate(self, point: Iterate, before: Iterate, multipliers: Array) -> None:
         old = before.hessian.copy()
         super()._differentiate(point, before, multipliers)
         if point is before:
@@ -95,7 +94,7 @@ class Variant:
 
     solver: MultiStart = field(default_factory=MultiStart)
     patched: Callable[[], object] = as_shipped
-    stiffness: float = 0.0
+    bending_weight: float = 0.0
 
 
 VARIANTS = {
@@ -114,15 +113,15 @@ VARIANTS = {
     "no start given up": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
     "no sidesteps": Variant(MultiStart(sidesteps=())),
     "precision 1e-3": Variant(MultiStart(search=ElasticSqp(precision=1e-3))),
-    "bending 1e-5": Variant(stiffness=1e-5),
-    "bending 1e-3": Variant(stiffness=1e-3),
+    "bending 1e-5": Variant(bending_weight=1e-5),
+    "bending 1e-3": Variant(bending_weight=1e-3),
     "two threads": Variant(MultiStart(threads=2)),
 }
 
 
 def solve(variant: Variant, task: Task) -> tuple[list[Certified], float]:
     """One step of a variant, and its time."""
-    window = replace(task.window, stiffness=variant.stiffness)
+    window = replace(task.window, bending_weight=variant.bending_weight)
     with variant.patched():  # type: ignore[attr-defined]
         began = time.perf_counter()
         ends = variant.solver.solve(window, task.guesses)

@@ -18,10 +18,13 @@ from planners.optimization.window import Window
 AIM = 1e-6
 """Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
 
+ROUNDS = 12
+"""Most solves of one window."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
-    """Where a solver stopped. Whether it may be flown is certified elsewhere."""
+    """The end of a solve, not certified yet."""
 
     x: Array
     """Unknowns; finite."""
@@ -30,25 +33,25 @@ class Solution:
     converged: bool
     """Whether the solver's own test for a local minimum passed."""
     status: str
-    """The solver's word for how it ended."""
+    """The solver's message."""
     evaluations: int
     """Evaluations of the objective."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Certified:
-    """The end of a solve with exchange."""
+    """A solution with its certificate."""
 
     solution: Solution
-    """Where the solver stopped last."""
+    """The end of the last solve."""
     control: Array
-    """Segments (n, 4, D) there."""
+    """Its segments (n, 4, D)."""
     feasible: bool
     """Whether every segment is certified feasible to `AIM`."""
     evaluations: int
     """Evaluations of the objective in all rounds."""
     rounds: int
-    """Solves, 1 if no row had to join."""
+    """Number of solves, 1 if the first solution was certified."""
     seconds: float
     """Time of all rounds, certification included."""
 
@@ -59,20 +62,20 @@ class WindowSolver(Protocol):
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Start at each of some guesses (n, 4, D), which need not be feasible.
+        """Solve a window from each of some guesses, which need not be feasible.
 
         Args:
-            window: what is planned.
+            window: the problem.
             guesses: segments (n, 4, D) each.
-            until: when to stop with the best found so far, on the clock of
-                `time.perf_counter` [s].
+            until: deadline on the clock of `time.perf_counter` [s], after which the solver stops
+                with the best solutions so far.
         """
 
 
 def certify(window: Window, control: Array) -> NDArray[np.bool_]:
     """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,).
 
-    One in which a search lost its way among numbers out of range, to NaN, is not.
+    A chain with a number that is not finite is infeasible.
     """
     feasible = np.asarray(np.isfinite(control).all(axis=(1, 2, 3)))
     sound = control[feasible]

@@ -22,13 +22,13 @@ class Chain:
     """
 
     knots: Array
-    """Values of the numbers that are held, and a place for those that are not."""
+    """Values of the fixed numbers; those of free numbers are ignored."""
     free: NDArray[np.bool_]
     """Which numbers the solver moves."""
 
     @classmethod
     def from_state(cls, position: Array, derivative: Array, segments: int) -> Chain:
-        """A chain that leaves a state, all its later knots free."""
+        """A chain that starts in a state, all later knots free."""
         knots = np.zeros((segments + 1, 2, len(position)))
         knots[0] = position, derivative
         free = np.ones(knots.shape, dtype=np.bool_)
@@ -36,7 +36,7 @@ class Chain:
         return cls(knots, free)
 
     def ending_at(self, goal: Array) -> Chain:
-        """The same chain with its last point held at the goal."""
+        """The same chain with its last point fixed at the goal."""
         knots, free = self.knots.copy(), self.free.copy()
         knots[-1, 0], free[-1, 0] = goal, False
         return Chain(knots, free)
@@ -53,7 +53,7 @@ class Chain:
         return np.stack([knots[:-1, 0], knots[1:, 0], knots[:-1, 1], knots[1:, 1]], axis=1)
 
     def unknowns(self, control: Array) -> Array:
-        """The unknowns x of segments (n, 4, D); what is held is not looked at."""
+        """The unknowns x of segments (n, 4, D); fixed numbers are ignored."""
         knots = np.empty(self.knots.shape)
         knots[0] = control[0, 0], control[0, 2]
         knots[1:, 0], knots[1:, 1] = control[:, 1], control[:, 3]

@@ -1,4 +1,4 @@
-"""What a window must satisfy: rows that are feasible where >= 0, with exact gradients.
+"""Constraints of a window: rows that are feasible where >= 0, with exact gradients.
 
 A problem is a list of constraints. Every row belongs to one segment, so that its gradient
 is that segment's (4, D) control gradient.

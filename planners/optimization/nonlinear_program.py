@@ -16,7 +16,7 @@ from planners.optimization.quadrature import BENDING, bending, length_gradients,
 
 
 class Programme(Protocol):
-    """What a solver may ask."""
+    """A nonlinear programme as solvers see it."""
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -43,14 +43,14 @@ class Problem:
     objective: Objective
     constraints: Sequence[Constraint]
     bounds: tuple[Array, Array]
-    stiffness: float = 0.0
+    bending_weight: float = 0.0
     """Weight of the bending in the objective [1/m]."""
 
     def f(self, x: GenericArray) -> GenericArray:
         """Objective."""
         control = self.chain.control(x)
         value = self.objective.value(np.sum(lengths(control)), control[-1, 1])
-        return value + self.stiffness * bending(control)
+        return value + self.bending_weight * bending(control)
 
     def c(self, x: GenericArray) -> GenericArray:
         """Constraints (m,), feasible where >= 0."""
@@ -64,7 +64,7 @@ class Problem:
         _, slope, _ = self.objective.expand(length, control[-1, 1])
         rows = slope[0] * length_gradients(control)
         rows[-1, 1] += slope[1:]
-        rows += 2.0 * self.stiffness * (BENDING @ control)
+        rows += 2.0 * self.bending_weight * (BENDING @ control)
         return np.asarray(self.chain.pull(rows, np.arange(len(rows))).sum(axis=0))
 
     def jacobian(self, x: Array) -> Array:

@@ -1,4 +1,4 @@
-"""What a window minimises: short functions of the length flown and the point reached.
+"""Objectives of windows: short functions of the length flown and the point reached.
 
 With l the summed length of a chain's segments and P its last point, an objective is F(l, P);
 derivatives with respect to the unknowns follow by the chain rule from those of l and P.
@@ -14,16 +14,16 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
 
-_NOTHING = 1e-9
-"""The least distance [m]: a chain that ends where it starts must have a value."""
+_LEAST = 1e-9
+"""Distances are at least this [m], so that a chain which ends at its start has a value."""
 
 
 class Objective(Protocol):
     """A function F(l, P) of the length flown and the point reached [m]."""
 
     @property
-    def tip(self) -> Array | None:
-        """The point reached where F is least whatever the length, with a kink; None if smooth."""
+    def kink(self) -> Array | None:
+        """The point (D,) at which F has a kink and is least for any length; None if F is smooth."""
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
         """F for a length () and a point (D,), real or complex."""
@@ -34,7 +34,7 @@ class Objective(Protocol):
 
 def _distance(offset: GenericArray) -> GenericArray:
     # no conjugate, so that a complex step differentiates it
-    return np.sqrt(np.sum(offset * offset) + _NOTHING**2)  # type: ignore[no-any-return]
+    return np.sqrt(np.sum(offset * offset) + _LEAST**2)  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -56,7 +56,7 @@ class HorizonObjective:
     """Weight of directness."""
 
     @property
-    def tip(self) -> Array:
+    def kink(self) -> Array:
         """The goal, around which the distance to it is a cone."""
         return self.goal
 
@@ -76,8 +76,8 @@ def _expand_horizon(
 ) -> tuple[float, Array, Array]:
     dimension = len(end)
     toward, away = end - goal, end - start
-    d = np.sqrt(np.sum(toward * toward) + _NOTHING**2)
-    straight = np.sqrt(np.sum(away * away) + _NOTHING**2)
+    d = np.sqrt(np.sum(toward * toward) + _LEAST**2)
+    straight = np.sqrt(np.sum(away * away) + _LEAST**2)
     u, v = toward / d, away / straight
     # F = d q with q = 1 + alpha l / l_min
     share = alpha / straight
@@ -107,7 +107,7 @@ class LengthObjective:
     """
 
     @property
-    def tip(self) -> None:
+    def kink(self) -> None:
         """None: smooth."""
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:

@@ -1,4 +1,4 @@
-"""The paper's two optimisation problems: the look-ahead window and the final one."""
+"""Windows: the paper's two optimisation problems, look-ahead and final."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from planners.optimization.quadrature import lengths
 
 DERIVATIVE_BOUND = 1000.0
 """Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
-STIFFNESS = 1e-5
-"""Weight of the integral of |X''|^2 over t [1/m]. The shortest chains turn on the spot where the
-route leaves the vehicle's heading; for a few hundredths of a per mille of length, this has them
-turn like a flight."""
-ASIDE = 3.0
-"""How far a guess is moved aside where it leads to nothing [m]."""
+BENDING_WEIGHT = 1e-5
+"""Weight of the integral of |X''|^2 over t [1/m]. Without it, the shortest chains turn on the spot
+where a route leaves the vehicle's heading; with it they turn smoothly, for a few hundredths of a
+per mille of length."""
+SIDE_OFFSET = 3.0
+"""Distance by which the ends of further guesses are shifted to both sides after a failure [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindowSettings:
-    """The paper's numbers."""
+    """Parameters of windows; the defaults are the paper's."""
 
     segments: int = 3
     """Segments planned together."""
@@ -44,26 +44,27 @@ class WindowSettings:
     """Weight of directness in the objective; equation (2)."""
     samples: int = 30
     """n_s, uniform parameters at which clearance is required, the first of them t = 0."""
-    stiffness: float = 0.0
+    bending_weight: float = 0.0
     """Weight of the integral of |X''|^2 over t in the objective [1/m]; not in the paper."""
 
 
-SETTINGS = WindowSettings(stiffness=STIFFNESS)
+SMOOTH = WindowSettings(bending_weight=BENDING_WEIGHT)
+"""The paper's parameters with a little bending."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Window:
-    """What is planned together: a chain, what it minimises, what it must keep clear of."""
+    """A chain planned as a whole, its objective and its constraints."""
 
     chain: Chain
     objective: Objective
     field: Field
     obstacles: Obstacles
-    """Those of the field's that a solver looks at; certification looks at all."""
+    """The obstacles that a solver considers; certification considers all of the field's."""
     limits: Limits
     samples: int
     """The paper's n_s."""
-    stiffness: float
+    bending_weight: float
     """Weight of the bending in the objective [1/m]; the paper has none."""
     turn_radius: float = 0.0
     """Least radius of turns [m]; zero allows any."""
@@ -92,7 +93,7 @@ class Window:
         """The window as the paper's programme, clearance required at samples.
 
         Raises:
-            ValueError: a least turn radius, which samples do not hold.
+            ValueError: a least turn radius, which the paper's programme has no constraint for.
         """
         if self.turn_radius > 0.0:
             raise ValueError(
@@ -107,7 +108,7 @@ def _sampled(window: Window) -> Problem:
     constraints: list[Constraint] = [LengthBounds(window.limits, np.zeros(window.chain.segments))]
     if len(window.obstacles):
         constraints.append(SampledClearance(window.obstacles, sample_weights(window.samples)))
-    return Problem(window.chain, window.objective, constraints, window.box, window.stiffness)
+    return Problem(window.chain, window.objective, constraints, window.box, window.bending_weight)
 
 
 def horizon_window(
@@ -117,7 +118,7 @@ def horizon_window(
     settings: WindowSettings,
     segments: int,
 ) -> Window:
-    """Get close to the goal, directly, past the obstacles within the look-ahead.
+    """The look-ahead window: get close to the goal directly, among the obstacles within reach.
 
     Reference:
         The paper, sections III-C1 to III-C3. Its window test is printed with >=; an
@@ -130,7 +131,7 @@ def horizon_window(
         obstacles=field.obstacles.near(vehicle.position, settings.segments * limits.longest),
         limits=limits,
         samples=settings.samples,
-        stiffness=settings.stiffness,
+        bending_weight=settings.bending_weight,
     )
 
 
@@ -141,7 +142,7 @@ def final_window(
     settings: WindowSettings,
     segments: int,
 ) -> Window:
-    """The shortest chain that ends on the goal, past all obstacles.
+    """The final window: the shortest chain that ends on the goal, among all obstacles.
 
     Reference:
         The paper, section III-C4.
@@ -154,5 +155,5 @@ def final_window(
         obstacles=field.obstacles,
         limits=limits,
         samples=settings.samples,
-        stiffness=settings.stiffness,
+        bending_weight=settings.bending_weight,
     )

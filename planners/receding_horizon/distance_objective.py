@@ -1,4 +1,4 @@
-"""What guided windows minimise: the length flown plus the exact distance from the point reached."""
+"""The objective of guided windows: length flown plus the exact distance to the goal."""
 
 from __future__ import annotations
 
@@ -13,29 +13,29 @@ from ferguson_gym.shortest_paths.tangent_graph import Tracks
 from ferguson_gym.shortest_paths.tangents import Scene
 
 _AWAY = 1e-6
-"""How far outside a disc a point is moved that lies in it [m]."""
+"""Distance from a disc at which a point moved out of it is placed [m]."""
 _NEAR = 0.5
-"""Least length of a line that the curvature of the distance is taken for [m]."""
+"""Least radius of curvature of the distance's level lines [m]."""
 _FAR = 1e3
-"""The distance where there is no way on [m]."""
+"""The distance assumed where no path leads to the goal [m]."""
 _TRIES = 8
-"""How often a point is moved out of discs that overlap."""
+"""Most moves of a point out of discs that overlap."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToGoObjective:
-    """l + D(P): length flown, and the length of the shortest path to the goal from its end [m].
+    """l + D(P): the length flown, plus that of the shortest path from its end to the goal [m].
 
-    The end of a chain that is not feasible yet may lie in a disc; D is then that of the nearest
-    point outside, and the way there. Where two ways are equally short D has a kink, and the
+    The end of an infeasible chain may lie in a disc; D is then the distance to the nearest point
+    outside plus the distance from there. Where two paths are equally short D has a kink, and the
     derivatives are those of one of them.
     """
 
     togo: DistanceToGoal
 
     @property
-    def tip(self) -> None:
-        """None: a chain that can reach the goal has a window of its own."""
+    def kink(self) -> None:
+        """None: chains that can reach the goal have a window of their own."""
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
         """F for a length () and a point (2,), real."""
@@ -51,7 +51,7 @@ class ToGoObjective:
 
 @compiled
 def _into_the_open(scene: Scene, x: float, y: float) -> tuple[float, float]:
-    """The point itself or, out of the disc that it lies deepest in, the nearest outside."""
+    """The point itself or, if it lies in discs, the nearest point outside of the deepest one."""
     discs, box = scene.discs, scene.box
     x, y = min(max(x, box[0, 0]), box[1, 0]), min(max(y, box[0, 1]), box[1, 1])
     deepest, depth = -1, 0.0
@@ -84,7 +84,7 @@ def _expand(
     if way.distance == np.inf:
         return length + _FAR, slope, curvature
     slope[1], slope[2] = -way.ux, -way.uy
-    # level lines of the distance are circles around the end of the way's first line
+    # level lines of the distance are circles around the end of the path's first line
     bend = 1.0 / max(way.line, _NEAR)
     curvature[1, 1] = bend * way.uy * way.uy
     curvature[1, 2] = curvature[2, 1] = -bend * way.ux * way.uy

@@ -31,7 +31,13 @@ from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import LengthObjective
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.sqp.turn_contacts import WIDER
-from planners.optimization.window import ASIDE, STIFFNESS, Window, WindowSettings, final_window
+from planners.optimization.window import (
+    SIDE_OFFSET,
+    SMOOTH,
+    Window,
+    WindowSettings,
+    final_window,
+)
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_in import turned
 from planners.rollout import ends_on_goal, remaining_plan, roll_out
@@ -62,7 +68,7 @@ class Guided:
     strides: tuple[float, ...] = (11.0, 7.0, 4.5)
     """Segment lengths of first guesses [m], tried until one leads to a chain."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
-    settings: WindowSettings = field(default_factory=lambda: WindowSettings(stiffness=STIFFNESS))
+    settings: WindowSettings = SMOOTH
     limits: Limits = PAPER_LIMITS
     min_turn_radius: float | None = None
     """Least radius of curvature along the whole flight [m], certified; None allows any turn."""
@@ -112,7 +118,7 @@ class Guided:
             ways.append((rank, points))
             for window, guess in self._along(field, vehicle, points, path.length):
                 yield Start(f"class {rank}", window, guess)
-                for side in offset_guesses(guess, ASIDE):
+                for side in offset_guesses(guess, SIDE_OFFSET):
                     yield Start(f"beside class {rank}", window, side)
         for rank, points in ways:
             for route in self._turned(vehicle, points):
@@ -157,7 +163,7 @@ class Guided:
             obstacles=field.obstacles.near(vehicle.position, segments * self.limits.longest),
             limits=self.limits,
             samples=self.settings.samples,
-            stiffness=self.settings.stiffness,
+            bending_weight=self.settings.bending_weight,
             turn_radius=self.min_turn_radius or 0.0,
         )
 

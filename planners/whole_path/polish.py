@@ -11,7 +11,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from planners.optimization.window import SETTINGS, final_window
+from planners.optimization.window import SMOOTH, final_window
 from planners.whole_path.route_fit import SOLVER
 
 
@@ -34,7 +34,7 @@ def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> A
     if not np.array_equal(chain[-1, 1], field.goal):
         raise ValueError(f"the flight ends at {chain[-1, 1].tolist()}, not on the goal")
     vehicle = transition.State(chain[0, 0], chain[0, 2])
-    window = final_window(field, vehicle, limits, SETTINGS, len(chain))
+    window = final_window(field, vehicle, limits, SMOOTH, len(chain))
     (end,) = SOLVER.solve(window, [chain])
     if end.feasible and length(end.control).sum() < length(chain).sum():
         return end.control

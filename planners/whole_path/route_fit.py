@@ -18,7 +18,7 @@ from ferguson_gym.world.limits import Limits
 from planners.optimization.initial_guesses import along_route
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
-from planners.optimization.window import ASIDE, SETTINGS, final_window
+from planners.optimization.window import SIDE_OFFSET, SMOOTH, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 """Length of segments at first [m]; tried one after the other until one leads to a chain."""
@@ -60,10 +60,10 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         if segments in tried:
             continue
         tried.add(segments)
-        window = final_window(field, vehicle, limits, SETTINGS, segments)
+        window = final_window(field, vehicle, limits, SMOOTH, segments)
         on_route = along_route(vehicle, points, segments, whole)
         # a guess on a straight line cannot choose a side to be long enough on
-        for guess in (on_route, *offset_guesses(on_route, ASIDE)):
+        for guess in (on_route, *offset_guesses(on_route, SIDE_OFFSET)):
             (end,) = SOLVER.solve(window, [guess])
             if end.feasible:
                 return end.control

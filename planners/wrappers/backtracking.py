@@ -30,7 +30,7 @@ from planners.optimization.certification import WindowSolver
 from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import HorizonObjective
 from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
-from planners.optimization.window import ASIDE, SETTINGS, Window, WindowSettings, horizon_window
+from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, horizon_window
 from planners.rollout import roll_out
 
 _SAMPLES = np.linspace(1.0, 0.0, 33)
@@ -55,7 +55,7 @@ class Backtracking:
     """Segment length of first guesses where both fail and the vehicle flies back [m]."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     """Solves the windows that lead back."""
-    settings: WindowSettings = SETTINGS
+    settings: WindowSettings = SMOOTH
 
     def __post_init__(self) -> None:
         if self.patience < 1:
@@ -107,7 +107,7 @@ class Backtracking:
             toward = HorizonObjective(vehicle.position, guess[-1, 1], self.settings.alpha)
             window = horizon_window(field, vehicle, self.limits, self.settings, segments)
             window = dataclasses.replace(window, objective=toward)
-            for turn in (guess, *offset_guesses(guess, ASIDE)):
+            for turn in (guess, *offset_guesses(guess, SIDE_OFFSET)):
                 yield window, turn
 
 

@@ -36,7 +36,7 @@ class Case:
     guess: str = "random"
     segments: int = 3
     final: bool = False
-    stiffness: float = 0.0
+    bending_weight: float = 0.0
 
     def draw(self) -> tuple[Window, np.ndarray]:
         """The window and a guess (segments, 4, 2)."""
@@ -46,7 +46,7 @@ class Case:
         along = self.speed * np.array([np.cos(angle), np.sin(angle)])
         vehicle = State(_position(stream, field, self.place), along)
         make = final_window if self.final else horizon_window
-        settings = WindowSettings(stiffness=self.stiffness)
+        settings = WindowSettings(bending_weight=self.bending_weight)
         window = make(field, vehicle, PAPER_LIMITS, settings, self.segments)
         (guess,) = random_chains(stream, vehicle, self.segments, PAPER_LIMITS, 1)
         match self.guess:
@@ -73,7 +73,7 @@ def random_case(stream: np.random.Generator) -> Case:
         guess=str(stream.choice(GUESSES)),
         segments=int(stream.integers(1, 5)),
         final=bool(stream.integers(2)),
-        stiffness=float(stream.choice([0.0, 0.0, 0.01])),
+        bending_weight=float(stream.choice([0.0, 0.0, 0.01])),
     )
 
 

@@ -1,8 +1,8 @@
-"""Solving until certified: rows join where the whole curve breaks a constraint.
+"""The exchange method: constraints are added where certification finds a curve infeasible.
 
-Sampled constraints let a curve cut into a disc between samples, leave the bounds or turn a
-corner. What certification finds joins the problem as a further row, and it is solved on
-from where it stopped: the exchange method of semi-infinite programming.
+A curve that satisfies sampled constraints may cut into a disc between the samples, leave the bounds
+or turn a corner. What certification finds is added to the problem as a further row, and the solver
+is started again from its last solution, as in semi-infinite programming.
 
 Reference:
     Hettich & Kortanek (1993), Semi-infinite programming: theory, methods, and
@@ -25,7 +25,7 @@ from ferguson_gym.curves.splines import basis, extent
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
-from planners.optimization.certification import AIM, Certified, Solution, certify
+from planners.optimization.certification import AIM, ROUNDS, Certified, Solution, certify
 from planners.optimization.constraints import (
     ClearanceAt,
     Constraint,
@@ -36,23 +36,22 @@ from planners.optimization.constraints import (
 from planners.optimization.nonlinear_program import Programme
 from planners.optimization.quadrature import lengths
 from planners.optimization.reference.slsqp import Slsqp
-from planners.optimization.sqp.multi_start import ROUNDS
 from planners.optimization.window import Window
 
 HOPELESS = 1e-3
-"""A solver that leaves its own rows broken by more [m] is not helped by further rows."""
+"""Violation of a solver's own rows [m] above which further rows are of no use."""
 
 
 @dataclass(frozen=True, slots=True)
 class ByExchange:
-    """A solver of programmes made to solve windows: sampled, then joined row by row."""
+    """Solves windows by a solver of programmes, with sampled rows and those of certification."""
 
     solver: Solver = field(default_factory=Slsqp)
 
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Certified local minima from guesses; the deadline counts between two solves."""
+        """Find certified local minima from guesses; the deadline is checked between solves."""
         ends: list[Certified] = []
         for guess in guesses:
             if ends and time.perf_counter() > until:
@@ -85,7 +84,10 @@ class ByExchange:
 
 
 def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint]:
-    """The rows that certification finds broken along segments (n, 4, D)."""
+    """Constraints for all limits that certification finds violated along segments (n, 4, D).
+
+    Certification is repeated, since a row needs the parameter of the violation.
+    """
     rows: list[Constraint] = []
     certified = length(control)
     if ((certified < limits.shortest - AIM) | (certified > limits.longest + AIM)).any():
@@ -96,7 +98,7 @@ def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint
     low, high = extent(control)
     outside = ((low < field.bounds[0] - AIM) | (high > field.bounds[1] + AIM)).any(axis=-1)
     if len(outer := np.flatnonzero(outside)):
-        # densely, since a coordinate's extreme moves and there may be four of them
+        # at many parameters, since a coordinate has up to four extremes, which move
         t = np.linspace(0.0, 1.0, 33)
         rows.append(
             InsideAt(field.bounds, np.repeat(outer, len(t)), np.tile(basis(t), (len(outer), 1)))

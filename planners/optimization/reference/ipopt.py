@@ -1,9 +1,9 @@
-"""IPOPT through CasADi, to compare with: the sampled programme with exact derivatives.
+"""IPOPT through CasADi, for comparison: the sampled programme with exact derivatives.
 
-The programme is written once, in NumPy: on arrays of CasADi's symbols the same functions
-give expressions, which CasADi differentiates. Where the window is, its obstacles and the
-rows that certification joins are parameters, so that one construction serves every window of
-the same size. Needs the extra `bench`.
+The same NumPy functions that evaluate the programme give expressions on arrays of CasADi's symbols,
+which CasADi differentiates. The window's position, its obstacles and the rows that certification
+adds are parameters, so that one construction serves all windows of the same size. Needs the extra
+`bench`.
 
 Reference:
     Wächter & Biegler (2006), On the implementation of an interior-point filter line-search
@@ -41,14 +41,14 @@ from planners.optimization.quadrature import lengths
 _DISCS = 16
 """Constructions serve numbers of discs up to the next multiple of this."""
 _ROWS = 64
-"""Joined rows that a construction has room for; the latest are kept."""
+"""Capacity of a construction for added rows; the latest are kept."""
 _FAR = 1e3
-"""Where discs and rows stand that only fill the room [m]."""
+"""Position of discs and rows that only fill the capacity [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _SymbolicDiscs:
-    """As `Discs`, but of symbols."""
+    """Discs whose centres and radii are symbols."""
 
     centers: GenericArray
     radii: GenericArray
@@ -61,7 +61,7 @@ class _SymbolicDiscs:
 
 @dataclass(frozen=True, slots=True)
 class _Size:
-    """What a construction depends on."""
+    """The properties of a window that a construction depends on."""
 
     segments: int
     ends_held: bool
@@ -74,7 +74,7 @@ class _Size:
 
 @lru_cache(maxsize=16)
 def _construct(size: _Size) -> Callable[..., dict[str, Any]]:
-    """The parametric programme as CasADi takes it; takes about a second."""
+    """Construct the parametric programme in CasADi, which takes about a second."""
     try:
         import casadi
     except ImportError as error:
@@ -139,14 +139,14 @@ class Ipopt:
     def solve(self, programme: Programme, guess: Array) -> Solution:
         """Start at `guess` (unknowns,), which need not be feasible.
 
-        Rows of bounds that certification joins are left out: it then finds them again.
+        Rows of bounds that certification adds are left out; certification finds them again.
 
         Raises:
             ImportError: CasADi is not installed.
             TypeError: another programme than a chain among discs.
         """
         if not isinstance(programme, Problem):
-            raise TypeError(f"IPOPT is given a Problem here, not {type(programme).__name__}")
+            raise TypeError(f"IPOPT needs a Problem, not {type(programme).__name__}")
         problem = programme
         solver: Any = _construct(_size(problem))
         low, high = problem.bounds
@@ -173,14 +173,14 @@ def _discs(problem: Problem) -> tuple[Array, Array]:
     for constraint in problem.constraints:
         if isinstance(constraint, SampledClearance):
             if not isinstance(constraint.obstacles, Discs):
-                raise TypeError(f"IPOPT knows discs, not {type(constraint.obstacles).__name__}")
+                raise TypeError(f"IPOPT needs discs, not {type(constraint.obstacles).__name__}")
             return constraint.obstacles.centers, constraint.obstacles.radii
     return np.empty((0, 2)), np.empty(0)
 
 
 def _size(problem: Problem) -> _Size:
-    if problem.stiffness:
-        raise ValueError(f"bending is not written for IPOPT, got stiffness {problem.stiffness}")
+    if problem.bending_weight:
+        raise ValueError(f"IPOPT needs a bending weight of zero, got {problem.bending_weight}")
     bounds = problem.constraints[0]
     assert isinstance(bounds, LengthBounds)
     sampled = [c for c in problem.constraints if isinstance(c, SampledClearance)]

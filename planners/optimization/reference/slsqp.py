@@ -1,4 +1,4 @@
-"""Solvers of a window's programme, exchangeable behind one interface."""
+"""SciPy's SLSQP as a solver of a window's programme."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def _thread_pools() -> ThreadpoolController:
 
 @dataclass(frozen=True, slots=True)
 class Slsqp:
-    """SciPy's sequential least-squares quadratic programming, in the place of fmincon.
+    """SciPy's sequential least-squares quadratic programming, instead of the paper's fmincon.
 
     Reference:
         Kraft (1988), A software package for sequential quadratic programming,

@@ -1,7 +1,7 @@
-"""The paper's other way to straight windows: first the distance, then the length.
+"""The paper's alternative objective in two stages: first the distance, then the length.
 
-The paper weighs directness against the distance left in one objective, and names the alternative:
-minimise the distance to the goal alone, then the length of the chain to the end point found.
+The paper weighs directness against the remaining distance in one objective, and names an
+alternative: minimise the distance to the goal alone, then the length of a chain to the same end.
 
 Reference:
     The paper, section III-C2.
@@ -22,10 +22,10 @@ from planners.optimization.window import Window
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TwoSteps:
-    """Solves a window for the distance left, and its best end once more for length.
+    """Minimises the remaining distance, and then the length of the best chain.
 
-    The window's weight of directness does not matter. Windows that minimise anything else, the
-    length to the goal for example, are solved as they are.
+    The window's weight of directness is ignored. Windows with another objective, such as the length
+    to the goal, are solved unchanged.
     """
 
     search: WindowSolver = field(default_factory=MultiStart)
@@ -34,7 +34,7 @@ class TwoSteps:
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Certified chains from guesses (n, 4, 2); their objective is the distance they leave."""
+        """Find certified chains from guesses (n, 4, 2); the objective is the distance left."""
         if not isinstance(window.objective, HorizonObjective):
             return self.search.solve(window, guesses, until)
         nearest = replace(window, objective=replace(window.objective, alpha=0.0))
@@ -46,7 +46,7 @@ class TwoSteps:
         return ends
 
     def _straightened(self, window: Window, end: Certified, until: float) -> Certified:
-        """The shortest chain to where one ends, or that one where there is none."""
+        """The shortest chain to the end of another one, or that one if the solver fails."""
         chain = window.chain.ending_at(end.control[-1, 1])
         shorter = replace(window, chain=chain, objective=LengthObjective())
         (found,) = self.search.solve(shorter, [end.control], until)

@@ -1,15 +1,15 @@
-"""Contacts of a curve with what it must keep away from, to second order, compiled.
+"""Contacts of a curve with discs, bounds and its least speed, to second order, compiled.
 
-A contact is a parameter at which a curve comes near to a disc, to the field's bounds or, for its
-derivative, to zero. Its clearance c(x) = min over t of phi(x, t) is taken over a neighbourhood
+A contact is a parameter at which a curve comes near to a disc or to the field's bounds, or its
+derivative near to zero. Its clearance c(x) = min over t of phi(x, t) is taken over a neighbourhood
 of the local minimum t*, so that by the envelope theorem
 
     grad c = phi_x,    hess c = phi_xx - phi_xt phi_tx / phi_tt    at t*.
 
 Local minima are bracketed by the sign of phi_t at 17 parameters and refined by Newton's
-method. Where a curve hugs a disc its neighbours are nearly as close, and a step can turn any
-of them into the nearest: parameters within `NEAR` of a disc are contacts of their own, held
-at their t.
+method. Where a curve follows a disc, neighbouring parameters are nearly as close, and a step can
+make any of them the nearest: sampled parameters within `NEAR` of a disc are contacts of their own,
+at a fixed t.
 
 Reference:
     Fiacco & Ishizuka (1990), Sensitivity and stability analysis for nonlinear programming,
@@ -25,24 +25,24 @@ from numpy.typing import NDArray
 
 from ferguson_gym.curves.splines import basis
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 Integers = NDArray[np.int64]
 Records = NDArray[np.void]
 """An array of CONTACT."""
 
 SPEED, LOW, HIGH = -1, -2, -4
-"""What a contact is with, if not a disc: least speed, least coordinate, greatest coordinate;
-the last two less the coordinate's index."""
+"""Limits other than discs, as in `what` of a contact: least speed, least coordinate and greatest
+coordinate, the last two minus the coordinate's index."""
 NEAR = 0.1
-"""Distance [m] from a disc within which every looked-at parameter is a contact."""
+"""Distance [m] from a disc within which every sampled parameter is a contact."""
 
 LOOKS = 17
-"""Parameters at which a curve is looked at."""
+"""Number of sampled parameters of a curve."""
 _T = np.linspace(0.0, 1.0, LOOKS)
 _POINT, _SLOPE, _TURN = basis(_T), basis(_T, 1), basis(_T, 2)
 _NOWHERE = 1e-9
-"""A direction from a shorter vector [m] is noise."""
+"""Vectors shorter than this have no usable direction [m]."""
 
 CONTACT = np.dtype(
     [
@@ -57,7 +57,7 @@ CONTACT = np.dtype(
         ("normal", np.float64, (2,)),  # N: in which the clearance grows
         ("inverse", np.float64),  # q: one over the distance from a disc's centre [1/m]
         ("mixed", np.float64, (8,)),  # u: gradient of the clearance's derivative by t
-        ("drift", np.float64),  # e: one over its second derivative, zero where t is held
+        ("drift", np.float64),  # e: one over its second derivative, zero where t is fixed
     ],
     align=True,
 )
@@ -81,7 +81,7 @@ def row_weights(t: float, order: int) -> tuple[float, float, float, float]:
 
 @compiled
 def _refine(powers: Array, cx: float, cy: float, low: float, high: float) -> float:
-    """Where |Y(t) - (cx, cy)|^2 is least between a falling and a rising end.
+    """Parameter of the least |Y(t) - (cx, cy)|^2 between a falling and a rising end.
 
     Y has the coefficients `powers` (4, 2) of 1, t, t^2, t^3.
     """
@@ -125,21 +125,21 @@ class Piece(NamedTuple):
     control: Array
     """(4, 2)."""
     place: Integers
-    """(8,) place of each of its numbers among the unknowns, -1 where it is held."""
+    """(8,) place of each of its numbers among the unknowns, -1 if it is fixed."""
 
 
-class Thing(NamedTuple):
-    """What a segment must keep away from: a disc, or for its derivative that of least speed."""
+class Circle(NamedTuple):
+    """A disc that a segment must keep outside of, or its derivative that of least speed."""
 
     what: int
-    """Which disc, or SPEED."""
+    """Index of the disc, or SPEED."""
     x: float
     y: float
     radius: float
 
 
 class Curve(NamedTuple):
-    """A segment or its derivative, at the parameters that are looked at."""
+    """A segment or its derivative at the sampled parameters."""
 
     points: Array
     """(17, 2)."""
@@ -150,13 +150,13 @@ class Curve(NamedTuple):
     powers: Array
     """(4, 2) coefficients of 1, t, t^2, t^3."""
     spread: Array
-    """(2,) radius of a disc around the middle that holds the curve, and how far the curve
-    strays from the points looked at; for a wild curve guesses, and certification decides."""
+    """(2,) radius of a disc around the middle that contains the curve, and the curve's distance
+    from its samples; only estimates for extreme curves, for which certification decides."""
 
 
 @compiled
 def trace(control: Array, order: int, middle: tuple[float, float], curve: Curve) -> None:
-    """Look at a segment (order 0) or its derivative (order 1)."""
+    """Sample a segment (order 0) or its derivative (order 1)."""
     around = 0.0
     for i in range(len(_T)):
         px = py = vx = vy = 0.0
@@ -177,7 +177,7 @@ def trace(control: Array, order: int, middle: tuple[float, float], curve: Curve)
 
 @compiled
 def approach(points: Array, slopes: Array, x: float, y: float, rise: Array) -> float:
-    """Least squared distance from (x, y) of the points looked at; fills its derivatives."""
+    """Least squared distance of the samples from (x, y); fills the derivatives of half of it."""
     least = np.inf
     for i in range(len(rise)):
         dx, dy = points[i, 0] - x, points[i, 1] - y
@@ -198,7 +198,7 @@ def _record(
     normal: tuple[float, float],
     inverse: float,
 ) -> None:
-    """Write down a contact whose t is held; `gradients` (room, m) is filled too."""
+    """Record a contact at a fixed t, and its gradient in `gradients` (room, m)."""
     weights = row_weights(t, 1 if what == SPEED else 0)
     contact, slope, place = records[count], gradients[count], piece.place
     contact.clearance, contact.segment, contact.what, contact.t = clearance, piece.k, what, t
@@ -219,7 +219,7 @@ def add(
     gradients: Array,
     count: int,
     piece: Piece,
-    thing: Thing,
+    circle: Circle,
     t: float,
     moving: bool,
     reach: float,
@@ -230,23 +230,25 @@ def add(
         return count
     a1, a2, a3 = powers[1, 0], powers[2, 0], powers[3, 0]
     b1, b2, b3 = powers[1, 1], powers[2, 1], powers[3, 1]
-    x = powers[0, 0] - thing.x + t * (a1 + t * (a2 + t * a3))
-    y = powers[0, 1] - thing.y + t * (b1 + t * (b2 + t * b3))
+    x = powers[0, 0] - circle.x + t * (a1 + t * (a2 + t * a3))
+    y = powers[0, 1] - circle.y + t * (b1 + t * (b2 + t * b3))
     norm = np.sqrt(x * x + y * y)
-    if norm - thing.radius >= reach:
+    if norm - circle.radius >= reach:
         return count
     size = norm
     if norm < _NOWHERE:
-        # any direction will do: across the chord for a disc, along it for the speed
+        # any direction serves: across the chord for a disc, along it for the speed
         control = piece.control
         x, y = control[1, 0] - control[0, 0], control[1, 1] - control[0, 1]
-        if thing.what >= 0:
+        if circle.what >= 0:
             x, y = -y, x
         if x == 0.0 and y == 0.0:
             x = 1.0
         size = np.sqrt(x * x + y * y)
     nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _NOWHERE)
-    _record(records, gradients, count, piece, thing.what, t, norm - thing.radius, (nx, ny), inverse)
+    _record(
+        records, gradients, count, piece, circle.what, t, norm - circle.radius, (nx, ny), inverse
+    )
     if moving:
         vx, vy = a1 + t * (2.0 * a2 + 3.0 * t * a3), b1 + t * (2.0 * b2 + 3.0 * t * b3)
         along = vx * nx + vy * ny
@@ -256,11 +258,39 @@ def add(
             contact = records[count]
             contact.drift = 1.0 / turn
             wx, wy = (vx - along * nx) * inverse, (vy - along * ny) * inverse
-            weights = row_weights(t, 1 if thing.what == SPEED else 0)
-            slopes = row_weights(t, 2 if thing.what == SPEED else 1)
+            weights = row_weights(t, 1 if circle.what == SPEED else 0)
+            slopes = row_weights(t, 2 if circle.what == SPEED else 1)
             for a in range(4):
                 contact.mixed[2 * a] = slopes[a] * nx + weights[a] * wx
                 contact.mixed[2 * a + 1] = slopes[a] * ny + weights[a] * wy
+    return count + 1
+
+
+@compiled_in_place
+def _add_coordinate(
+    records: Records,
+    gradients: Array,
+    count: int,
+    piece: Piece,
+    extreme: tuple[float, float, float],
+    d: int,
+    side: int,
+    reach: float,
+) -> int:
+    """Add a contact of coordinate d at an extreme: parameter, clearance, second derivative."""
+    t, clearance, turn = extreme
+    if not 0.0 < t < 1.0 or turn <= _NOWHERE or count == len(records) or clearance >= reach:
+        return count
+    sign = 1.0 if side == 0 else -1.0
+    normal = (sign, 0.0) if d == 0 else (0.0, sign)
+    what = (LOW if side == 0 else HIGH) - d
+    _record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
+    contact = records[count]
+    contact.drift = 1.0 / turn
+    slopes = row_weights(t, 1)
+    for i in range(4):
+        contact.mixed[2 * i] = slopes[i] * normal[0]
+        contact.mixed[2 * i + 1] = slopes[i] * normal[1]
     return count + 1
 
 
@@ -295,22 +325,9 @@ def add_coordinates(
                 if (a if root == 0 else q) == 0.0:
                     continue
                 t = q / a if root == 0 else c / q
-                turn = 3.0 * sign * (2.0 * a * t + b)
-                if not 0.0 < t < 1.0 or turn <= _NOWHERE or count == len(records):
-                    continue
                 clearance = sign * (p0 - edge + 3.0 * t * (c + t * (0.5 * b + t * a / 3.0)))
-                if clearance >= reach:
-                    continue
-                normal = (sign, 0.0) if d == 0 else (0.0, sign)
-                what = (LOW if side == 0 else HIGH) - d
-                _record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
-                contact = records[count]
-                contact.drift = 1.0 / turn
-                slopes = row_weights(t, 1)
-                for i in range(4):
-                    contact.mixed[2 * i] = slopes[i] * normal[0]
-                    contact.mixed[2 * i + 1] = slopes[i] * normal[1]
-                count += 1
+                extreme = t, clearance, 3.0 * sign * (2.0 * a * t + b)
+                count = _add_coordinate(records, gradients, count, piece, extreme, d, side, reach)
     return count
 
 
@@ -320,28 +337,28 @@ def add_around(
     gradients: Array,
     count: int,
     piece: Piece,
-    thing: Thing,
+    circle: Circle,
     reach: float,
     least: float,
     ends: bool,
     curve: Curve,
 ) -> int:
-    """Add a segment's contacts with a thing; `least` is what `approach` found."""
+    """Add a segment's contacts with a circle; `least` is the result of `approach`."""
     points, rise, powers = curve.points, curve.rise, curve.powers
     last = len(rise) - 1
     for i in range(1, last + 1):
         if rise[i - 1] < 0.0 <= rise[i]:
-            t = _refine(powers, thing.x, thing.y, _T[i - 1], _T[i])
-            count = add(records, gradients, count, piece, thing, t, True, reach, powers)
-    # the chain's start is held: nothing can be done about it
-    if thing.what == SPEED and piece.k > 0 and rise[0] >= 0.0:
-        count = add(records, gradients, count, piece, thing, 0.0, False, reach, powers)
+            t = _refine(powers, circle.x, circle.y, _T[i - 1], _T[i])
+            count = add(records, gradients, count, piece, circle, t, True, reach, powers)
+    # the chain's start is fixed: no step can change it
+    if circle.what == SPEED and piece.k > 0 and rise[0] >= 0.0:
+        count = add(records, gradients, count, piece, circle, 0.0, False, reach, powers)
     if ends and rise[last] <= 0.0:
-        count = add(records, gradients, count, piece, thing, 1.0, False, reach, powers)
-    near = (thing.radius + NEAR) ** 2
-    if thing.what >= 0 and least < near:
+        count = add(records, gradients, count, piece, circle, 1.0, False, reach, powers)
+    near = (circle.radius + NEAR) ** 2
+    if circle.what >= 0 and least < near:
         for i in range(1, last + 1):
-            x, y = points[i, 0] - thing.x, points[i, 1] - thing.y
+            x, y = points[i, 0] - circle.x, points[i, 1] - circle.y
             if x * x + y * y < near:
-                count = add(records, gradients, count, piece, thing, _T[i], False, reach, powers)
+                count = add(records, gradients, count, piece, circle, _T[i], False, reach, powers)
     return count

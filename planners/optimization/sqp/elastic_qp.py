@@ -28,16 +28,16 @@ _REACH = 2.5
 """A step of one metre in every point, three in every derivative, moves no point of a curve
 farther [m]."""
 _PRICE = 1e4
-"""nu. DAQP applies it to rows scaled by H, which is no loss: where the rows can be satisfied
+"""nu. DAQP applies it to rows scaled by H, which does not matter: where the rows can be satisfied,
 any high price gives the same step."""
 _ITERATIONS = 300
-"""Most iterations of DAQP; it may otherwise cycle."""
+"""Most iterations of DAQP, which might otherwise cycle."""
 _SOFT = 8
-"""DAQP's mark of a row that may be broken at a price."""
+"""DAQP's mark of a row that may be violated at a price."""
 
 
 class Rows(NamedTuple):
-    """A quadratic programme as DAQP takes it."""
+    """A quadratic programme in the form of DAQP."""
 
     slopes: Array
     """(rows, m)."""
@@ -52,7 +52,7 @@ class Rows(NamedTuple):
 
 
 def empty_rows(segments: int, unknowns: int, contacts: int) -> Rows:
-    """Room for a quadratic programme."""
+    """Memory for a quadratic programme."""
     rows = segments + contacts
     sense = np.full(unknowns + rows, _SOFT, np.int32)
     sense[:unknowns] = 0
@@ -82,7 +82,7 @@ def _fill(
     limits: Array,
     out: Rows,
 ) -> int:
-    """Fill the programme; return the number of its rows."""
+    """Fill in the programme; return its number of rows."""
     m, segments = len(x), len(here.length)
     for i in range(m):
         out.lower[i] = max(low[i] - x[i], -radius * scale[i])
@@ -113,7 +113,7 @@ def solve(
     hessian: Array,
     rows: Rows,
 ) -> tuple[Array | None, Array]:
-    """The step (m,), None if DAQP gave up, and the multipliers (rows,), >= 0 at lower bounds."""
+    """The step (m,), None if DAQP failed, and the multipliers (rows,), >= 0 at lower bounds."""
     end = len(x) + _fill(here, contacts, x, *box, scale, radius, limits, rows)
     p, _, flag, info = daqp.solve(
         hessian,

@@ -1,47 +1,57 @@
-"""Elastic sequential quadratic programming in a trust region: a window from one start.
+"""Elastic sequential quadratic programming in a trust region: a window from one first guess.
 
-At unknowns x, with multipliers lambda of the step before, the next step p solves the elastic
+At unknowns x, with the multipliers lambda of the last step, the next step p solves the elastic
 quadratic programme of `planners.optimization.sqp.elastic_qp`: linearised lengths and contacts, and
-for H the exact Hessian of the Lagrangian f - lambda.c, made definite. A filter judges the step: it
-must lessen the objective or the violation against every point before.
+the exact Hessian of the Lagrangian f - lambda.c, made definite. A filter accepts a step if it
+reduces the objective or the violation against every earlier point.
 
-A window is flat along some directions: where a joint sits and how long a derivative is
-hardly changes the curve. `floor`, the least curvature that H is given, limits steps along
-them, and is lowered where the model proves too stiff.
+A window is nearly flat in some directions: the position of a joint and the size of a derivative
+hardly change the curve. `floor`, the least curvature of the model, limits steps along them; it is
+lowered where the model proves too curved.
 
-When a step promises too little, the search settles on the nearest point that satisfies the
-linearised constraints, again and again until it does so in fact, lengths by certified
-quadrature.
+When a step promises too little, feasibility is restored: the search projects its point onto the
+linearised constraints until they are satisfied, lengths by certified quadrature.
+
+Reference:
+    Nocedal & Wright (2006), Numerical optimization, 2nd edition, sections 18.5 and 18.8.
+    Fletcher & Leyffer (2002), Nonlinear programming without a penalty function, Mathematical
+    Programming 91.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ferguson_gym.curves.arc_length import length as certified_length
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world.obstacles import Discs
 from planners.optimization.certification import AIM
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
-from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion, expand
+from planners.optimization.sqp.expansion import Layout, expand
 from planners.optimization.sqp.filter import Filter
+from planners.optimization.sqp.iterate import (
+    Iterate,
+    TrialStep,
+    agreement,
+    empty_iterate,
+    layout_of,
+    predict,
+)
 from planners.optimization.sqp.lagrangian import lagrangian, warm_start_multipliers
 from planners.optimization.sqp.modified_ldl import make_definite
-from planners.optimization.sqp.turn_contacts import WIDER, too_sharp
+from planners.optimization.sqp.trust_region import TrustRegion
+from planners.optimization.sqp.turn_contacts import too_sharp
 from planners.optimization.window import Window
 
-_MET = 0.3 * AIM
-"""Violation [m], over all limits, that counts as none."""
-_SETTLES = 1e-2
-"""Violation [m] from which a search settles in a few steps."""
-_SMALLEST = 1e-7
-"""Radius [m] at which a search is stuck."""
+_FEASIBLE = 0.3 * AIM
+"""Sum of violations [m] that counts as zero."""
+_NEARLY_FEASIBLE = 1e-2
+"""Violation [m] below which feasibility can be restored in a few steps."""
 CONVERGED = "converged"
 OUTDONE = "outdone by another start"
 DEADLINE = "deadline reached"
@@ -52,134 +62,37 @@ class ElasticSqp:
     """Options of a search."""
 
     precision: float = 1e-6
-    """Stop where a step promises a smaller part of the objective than this."""
+    """Relative gain of a step below which the search stops."""
     iterations: int = 60
     """Most steps."""
     patience: float = 6.0
-    """Give up behind another start by this many times what a step promises."""
+    """The search stops if it is behind another start by this many times the gain of a step."""
     radius: float = 2.0
-    """Radius of the trust region at first, for points [m]; three times it for derivatives."""
+    """Initial radius of the trust region for points [m]; three times as much for derivatives."""
     widest: float = 8.0
     """Greatest radius [m]."""
     floor: float = 3e-2
-    """Least curvature of the model at first [m per square of an unknown]."""
+    """Initial least curvature of the model [m per square of an unknown]."""
     detour: float = 2.0
-    """Violation [m] that a search may pass through, or that of its start if it is more."""
+    """Greatest violation [m] that a search may pass through, or that of its start if greater."""
 
 
 @dataclass(slots=True, eq=False)
 class SearchState:
-    """One start: where its search has come to."""
+    """The state of the search from one first guess."""
 
     x: Array
     """Unknowns (m,)."""
     layout: Layout
-    """The window, with what certification added."""
+    """The window, with the contacts that certification pinned."""
     objective: float = math.nan
     status: str = ""
     """How the search ended."""
     steps: int = 0
     evaluations: int = 0
     rounds: int = 0
-    """Searches, 1 if certification added nothing."""
+    """Number of searches, 1 if certification found nothing."""
     seconds: float = 0.0
-
-
-@dataclass(slots=True, eq=False)
-class _Point:
-    """Unknowns, and the window expanded there."""
-
-    expansion: Expansion
-    x: Array
-    gradient: Array
-    """(m,) of the objective."""
-    hessian: Array
-    """(m, m) of the Lagrangian."""
-    multiplier: Array
-    """(room,) of each contact, >= 0."""
-    tension: Array
-    """(n,) multiplier of each length: positive at the shortest, negative at the longest."""
-    contacts: int = 0
-    violation: float = 0.0
-    """Sum of what limits lack [m]."""
-    objective: float = 0.0
-    slope: Array = field(default_factory=lambda: np.empty(3))
-    """(3,) gradient of the objective with respect to length and end."""
-    curvature: Array = field(default_factory=lambda: np.empty((3, 3)))
-    """(3, 3) its Hessian."""
-
-
-def _empty_point(segments: int, unknowns: int, room: int) -> _Point:
-    return _Point(
-        expansion=empty_expansion(segments, unknowns, room),
-        x=np.empty(unknowns),
-        gradient=np.empty(unknowns),
-        hessian=np.empty((unknowns, unknowns)),
-        multiplier=np.empty(room),
-        tension=np.empty(segments),
-    )
-
-
-@compiled
-def _foresee(
-    p: Array,
-    gradient: Array,
-    hessian: Array,
-    scale: Array,
-    multipliers: Array,
-    lower: Array,
-    upper: Array,
-) -> tuple[float, float, float]:
-    """What a step p is to bring.
-
-    Returns:
-        By how much the model of the objective falls along p; the same plus what p pays for
-        mending rows that are broken, at their multipliers; p's size in the trust region.
-    """
-    fall = size = 0.0
-    m = len(p)
-    for i in range(m):
-        size = max(size, abs(p[i]) / scale[i])
-        row = 0.0
-        for j in range(m):
-            row += hessian[i, j] * p[j]
-        fall -= p[i] * (gradient[i] + 0.5 * row)
-    promise = fall
-    for row in range(len(multipliers)):
-        if multipliers[row] > 0.0:
-            promise += multipliers[row] * max(0.0, lower[m + row])
-        else:
-            promise += multipliers[row] * min(0.0, upper[m + row])
-    return fall, promise, size
-
-
-def _ratio(here: _Point, there: _Point, fall: float) -> float:
-    """Fall of the objective over what was foreseen, where that is what a step is for."""
-    if fall <= 1e-4 * here.violation:
-        return 0.5
-    ratio = (here.objective - there.objective) / fall
-    return max(ratio, 1e-3) if there.violation < 0.9 * here.violation else ratio
-
-
-def _layout(window: Window, discs: Discs) -> Layout:
-    chain, limits = window.chain, window.limits
-    places = np.full(chain.free.shape, -1, np.int64)
-    places[chain.free] = np.arange(chain.free.sum())
-    # rows start, end, start derivative, end derivative, as in a control array
-    place = np.stack([places[:-1, 0], places[1:, 0], places[:-1, 1], places[1:, 1]], axis=1)
-    return Layout(
-        base=chain.control(np.zeros(int(chain.free.sum()))),
-        place=place.reshape(-1, 8),
-        bounds=window.field.bounds,
-        centers=discs.centers,
-        radii=discs.radii,
-        slowest=limits.slowest,
-        limits=np.array([limits.shortest, limits.longest]),
-        stiffness=window.stiffness,
-        correction=np.zeros(chain.segments),
-        held=np.empty((0, 3)),
-        turn_radius=WIDER * window.turn_radius,
-    )
 
 
 class Search:
@@ -190,11 +103,11 @@ class Search:
     """
 
     def __init__(self, options: ElasticSqp, window: Window, until: float) -> None:
-        """For `until` [s] on the clock of `time.perf_counter`."""
+        """Prepare searches that stop at `until` [s] on the clock of `time.perf_counter`."""
         discs, chain = window.obstacles, window.chain
         if not isinstance(discs, Discs):
             raise TypeError(
-                f"this solver knows discs, not {type(discs).__name__}; "
+                f"this solver needs discs, not {type(discs).__name__}; "
                 "planners.optimization.reference.exchange.ByExchange solves windows among any "
                 "obstacles"
             )
@@ -202,115 +115,120 @@ class Search:
         self.box = window.box
         n, m = chain.segments, len(self.box[0])
         room = min(max(256, 4 * n * len(discs)), 4096)
-        self.fresh = self.layout = _layout(window, discs)
+        self.fresh = self.layout = layout_of(window, discs)
         self.end = self.fresh.place[-1, 2:4]
-        tip = window.objective.tip
-        self.tip = None if tip is None else (float(tip[0]), float(tip[1]))
+        kink = window.objective.kink
+        self.kink = None if kink is None else (float(kink[0]), float(kink[1]))
         scale = np.ones(chain.free.shape)
         scale[:, 1] = 3.0
         self.scale = scale[chain.free]
-        self.points = _empty_point(n, m, room), _empty_point(n, m, room)
+        self.points = empty_iterate(n, m, room), empty_iterate(n, m, room)
         self.model = np.empty((m, m))
         self.rows = elastic_qp.empty_rows(n, m, room)
         self.evaluations = 0
 
     def start(self, guess: Array, bound: float) -> SearchState:
-        """Search from a guess (n, 4, 2), to give up where it cannot better `bound`.
+        """Search from a guess (n, 4, 2), and stop early where it cannot fall below `bound`.
 
         Raises:
             ValueError: a guess that is not finite.
         """
         if not np.isfinite(guess).all():
             raise ValueError(f"a guess must be finite, got {guess}")
-        trail = SearchState(np.clip(self.window.chain.unknowns(guess), *self.box), self.fresh)
-        self.go_on(trail, bound)
-        return trail
+        state = SearchState(np.clip(self.window.chain.unknowns(guess), *self.box), self.fresh)
+        self.resume(state, bound)
+        return state
 
-    def go_on(self, trail: SearchState, bound: float) -> None:
-        """Search from where a trail has come to."""
+    def resume(self, state: SearchState, bound: float) -> None:
+        """Continue a search, for example with pinned contacts."""
         began = time.perf_counter()
-        self.layout, self.evaluations = trail.layout, 0
-        point, trail.status = self._descend(trail, bound)
-        trail.x, trail.objective, trail.layout = point.x, point.objective, self.layout
-        trail.evaluations += self.evaluations
-        trail.rounds += 1
-        trail.seconds += time.perf_counter() - began
+        self.layout, self.evaluations = state.layout, 0
+        point, state.status = self._descend(state, bound)
+        state.x, state.objective, state.layout = point.x, point.objective, self.layout
+        state.evaluations += self.evaluations
+        state.rounds += 1
+        state.seconds += time.perf_counter() - began
 
-    def join(self, trail: SearchState, chain: Array) -> bool:
-        """Take in the contacts that certification finds broken; whether that may help."""
-        if trail.status not in (CONVERGED, OUTDONE):
+    def pin_contacts(self, state: SearchState, chain: Array) -> bool:
+        """Pin the contacts at which certification fails; False if resuming cannot help."""
+        if state.status not in (CONVERGED, OUTDONE):
             return False
         clear, t = self.window.obstacles.closest(chain)
         segment, disc = np.nonzero(clear < -AIM)
-        held = np.column_stack([segment, disc, t[segment, disc]])
-        held = np.vstack([held, too_sharp(chain, self.window.turn_radius, AIM)])
-        trail.layout = trail.layout._replace(held=np.vstack([trail.layout.held, held]))
-        return len(held) > 0
+        pinned = np.column_stack([segment, disc, t[segment, disc]])
+        pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, AIM)])
+        every = np.vstack([state.layout.pinned_contacts, pinned])
+        state.layout = state.layout._replace(pinned_contacts=every)
+        return len(pinned) > 0
 
-    def _descend(self, trail: SearchState, bound: float) -> tuple[_Point, str]:
-        """Where a search ends, and how."""
+    def _descend(self, state: SearchState, bound: float) -> tuple[Iterate, str]:
+        """Step until the search ends; return where, and how."""
         options = self.options
-        radius, floor, precision = options.radius, options.floor, options.precision
+        region = TrustRegion(options.radius, options.floor, options.precision)
         here, there = self.points
-        self._expand(here, trail.x, elastic_qp.reach(radius))
+        self._expand(here, state.x, elastic_qp.reach(region.radius))
         self._differentiate(here, here, np.zeros(len(here.tension)))
-        seen = Filter(max(options.detour, here.violation))
+        accepted = Filter(max(options.detour, here.violation))
         nearest = math.inf
         while True:
-            if trail.steps >= options.iterations:
+            if state.steps >= options.iterations:
                 return here, "out of iterations"
             if time.perf_counter() > self.until:
                 return here, DEADLINE
-            trail.steps += 1
-            distance = self._from_tip(here)
-            if distance < min(radius, 0.5 * nearest):
+            state.steps += 1
+            distance = self._from_kink(here)
+            if distance < min(region.radius, 0.5 * nearest):
                 nearest = distance
-                if self._settle(here, there, radius, self._ending_on_tip()):
+                if self._restore_feasibility(here, there, region.radius, self._ending_on_kink()):
                     return there, CONVERGED
-            make_definite(here.hessian, floor, self.model)
-            p, multipliers = self._step(here, here.gradient, self.model, radius, self.box)
-            if p is None:
-                radius, floor = 0.25 * radius, 10.0 * floor
-                if radius < _SMALLEST:
+            trial = self._trial_step(here, region)
+            if trial is None:
+                region.after_failed_model()
+                if region.collapsed:
                     return here, "no step found"
                 continue
-            fall, promise, size = _foresee(
-                p,
-                here.gradient,
-                self.model,
-                self.scale,
-                multipliers,
-                self.rows.lower,
-                self.rows.upper,
-            )
-            little = promise < precision * max(1.0, abs(here.objective))
-            outdone = here.objective - options.patience * promise > bound
-            if (little or outdone) and here.violation < _SETTLES:
-                if self._settle(here, there, max(radius, 0.1), self.box):
-                    return there, CONVERGED if little else OUTDONE
-                radius, precision = 0.5 * radius, 0.25 * precision
-                if radius < _SMALLEST:
+            if (reason := self._stops(here, trial, region.precision, bound)) is not None:
+                if self._restore_feasibility(here, there, max(region.radius, 0.1), self.box):
+                    return there, reason
+                region.after_failed_restoration()
+                if region.collapsed:
                     return here, "no feasible point near the end"
                 continue
-            seen.add(here.objective, here.violation)
-            self._expand(there, here.x + p, elastic_qp.reach(max(radius, size)))
-            accepted = seen.accepts(there.objective, there.violation)
-            ratio = _ratio(here, there, fall) if accepted else -1.0
+            accepted.add(here.objective, here.violation)
+            self._expand(there, here.x + trial.p, elastic_qp.reach(max(region.radius, trial.size)))
+            ratio = -1.0
+            if accepted.accepts(there.objective, there.violation):
+                ratio = agreement(here, there, trial.decrease)
             if ratio <= 0.0:
-                radius = 0.25 * size
-                if radius < _SMALLEST:
+                region.after_rejected_step(trial.size)
+                if region.collapsed:
                     return here, "no step improves"
                 continue
-            self._differentiate(there, here, multipliers)
+            self._differentiate(there, here, trial.multipliers)
             here, there = there, here
-            if ratio > 0.75 and size > 0.9 * radius:
-                radius = min(2.0 * radius, options.widest)
-            elif ratio < 0.25:
-                radius = 0.5 * size
-            elif ratio > 1.1:
-                floor = max(0.1 * floor, 1e-6)
+            region.after_accepted_step(ratio, trial.size, options.widest)
 
-    def _expand(self, point: _Point, x: Array, reach: float) -> None:
+    def _trial_step(self, here: Iterate, region: TrustRegion) -> TrialStep | None:
+        """The step of the quadratic programme; None if that has no solution."""
+        make_definite(here.hessian, region.floor, self.model)
+        p, multipliers = self._step(here, here.gradient, self.model, region.radius, self.box)
+        if p is None:
+            return None
+        rows = self.rows
+        predicted = predict(
+            p, here.gradient, self.model, self.scale, multipliers, rows.lower, rows.upper
+        )
+        return TrialStep(p, multipliers, *predicted)
+
+    def _stops(self, here: Iterate, trial: TrialStep, precision: float, bound: float) -> str | None:
+        """Why a nearly feasible search should end; None if it should go on."""
+        little = trial.gain < precision * max(1.0, abs(here.objective))
+        outdone = here.objective - self.options.patience * trial.gain > bound
+        if not (little or outdone) or not here.violation < _NEARLY_FEASIBLE:
+            return None
+        return CONVERGED if little else OUTDONE
+
+    def _expand(self, point: Iterate, x: Array, reach: float) -> None:
         point.x = x
         point.contacts, point.violation, length, bent = expand(
             x, self.layout, reach, point.expansion
@@ -321,7 +239,7 @@ class Search:
         point.objective = value + bent
         self.evaluations += 1
 
-    def _differentiate(self, point: _Point, before: _Point, multipliers: Array) -> None:
+    def _differentiate(self, point: Iterate, before: Iterate, multipliers: Array) -> None:
         """The Lagrangian at a point, with the multipliers of the step that led there."""
         warm_start_multipliers(
             before.expansion,
@@ -347,7 +265,7 @@ class Search:
 
     def _step(
         self,
-        point: _Point,
+        point: Iterate,
         gradient: Array,
         hessian: Array,
         radius: float,
@@ -366,31 +284,33 @@ class Search:
             self.rows,
         )
 
-    def _from_tip(self, point: _Point) -> float:
-        """Distance of the chain's end from the objective's tip [m]; infinite without one."""
-        if self.tip is None:
+    def _from_kink(self, point: Iterate) -> float:
+        """Distance of the chain's end from the objective's kink [m]; infinite without one."""
+        if self.kink is None:
             return math.inf
         x, y = point.expansion.control[-1, 1]
-        return math.hypot(x - self.tip[0], y - self.tip[1])
+        return math.hypot(x - self.kink[0], y - self.kink[1])
 
-    def _ending_on_tip(self) -> tuple[Array, Array]:
-        """The box with the chain's end held at the tip, where no smooth model would take it."""
+    def _ending_on_kink(self) -> tuple[Array, Array]:
+        """The box with the chain's end fixed at the kink, which no smooth model would reach."""
         low, high = self.box[0].copy(), self.box[1].copy()
-        low[self.end] = high[self.end] = self.tip
+        low[self.end] = high[self.end] = self.kink
         return low, high
 
-    def _settle(self, here: _Point, there: _Point, radius: float, box: tuple[Array, Array]) -> bool:
-        """Whether projection onto the linearised constraints leads `there` to satisfy them."""
-        flat, none = np.diag(1.0 / self.scale**2), np.zeros(len(self.scale))
+    def _restore_feasibility(
+        self, here: Iterate, there: Iterate, radius: float, box: tuple[Array, Array]
+    ) -> bool:
+        """Project a point onto the linearised constraints until `there` satisfies the true ones."""
+        metric, no_gradient = np.diag(1.0 / self.scale**2), np.zeros(len(self.scale))
         point, violation = here, math.inf
         for _ in range(6):
-            p, _ = self._step(point, none, flat, radius, box)
+            p, _ = self._step(point, no_gradient, metric, radius, box)
             if p is None:
                 return False
             self._expand(there, point.x + p, elastic_qp.reach(radius))
-            if there.violation < _MET:
+            if there.violation < _FEASIBLE:
                 off = certified_length(there.expansion.control) - there.expansion.length
-                if np.abs(off).max() < _MET:
+                if np.abs(off).max() < _FEASIBLE:
                     return True
                 self.layout = self.layout._replace(correction=self.layout.correction + off)
                 self._expand(there, there.x, elastic_qp.reach(radius))

@@ -1,4 +1,4 @@
-"""A planar chain to second order, compiled: its lengths, and its contacts with what bounds it."""
+"""Second-order expansion of a planar chain, compiled: its lengths and its contacts with limits."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp.contacts import (
     CONTACT,
     LOOKS,
     SPEED,
+    Circle,
     Curve,
     Integers,
     Piece,
     Records,
-    Thing,
     add,
     add_around,
     add_coordinates,
@@ -32,16 +32,16 @@ _BLEND = np.column_stack([(1.0 - _NODES) ** 2, 2.0 * _NODES * (1.0 - _NODES), _N
 _HODOGRAPH = np.array([[0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -1.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
 """Bézier points of the derivative from the rows of a control array."""
 _STILL = 1e-9
-"""The derivative is taken for zero below this [m per unit t]."""
+"""Derivatives below this count as zero [m per unit t]."""
 
 
 class Layout(NamedTuple):
-    """A planar chain of n segments, which of its numbers are unknowns, and what bounds it."""
+    """A planar chain of n segments, which of its numbers are unknowns, and its limits."""
 
     base: Array
-    """(n, 4, 2) segments; the numbers that are held."""
+    """(n, 4, 2) segments with the fixed numbers."""
     place: Integers
-    """(n, 8) place of each number of a segment among the m unknowns, -1 where it is held."""
+    """(n, 8) place of each number of a segment among the m unknowns, -1 if it is fixed."""
     bounds: Array
     """(2, 2) least and greatest coordinates [m]."""
     centers: Array
@@ -52,13 +52,13 @@ class Layout(NamedTuple):
     """Least |X'(t)| [m per unit t]."""
     limits: Array
     """Shortest and longest segment [m]."""
-    stiffness: float
+    bending_weight: float
     """Weight of the integral of |X''|^2 over t in the objective [1/m]."""
     correction: Array
     """(n,) certified length less quadrature [m], zero but for near-cusps."""
-    held: Array
-    """(k, 3) further contacts: segment, disc or side of a turn, and parameter, which
-    certification found."""
+    pinned_contacts: Array
+    """(k, 3) contacts that certification found, at a fixed parameter: segment, disc or side of a
+    turn, and t."""
     turn_radius: float
     """Least radius of turns [m]; zero allows any."""
 
@@ -81,7 +81,7 @@ class Expansion(NamedTuple):
 
 
 def empty_expansion(segments: int, unknowns: int, room: int) -> Expansion:
-    """Room for an expansion with so many contacts; those beyond are left to certification."""
+    """Memory for an expansion with `room` contacts; further ones are left to certification."""
     return Expansion(
         control=np.empty((segments, 4, 2)),
         length=np.empty(segments),
@@ -149,7 +149,7 @@ def _measure(
 
 @compiled
 def _violation(here: Expansion, contacts: int, limits: Array) -> float:
-    """Sum over lengths, and over the worst contact with each thing, of what they lack [m]."""
+    """Sum of the violations of lengths, and of the worst contact with each limit [m]."""
     total = 0.0
     for k in range(len(here.length)):
         total += max(0.0, limits[0] - here.length[k], here.length[k] - limits[1])
@@ -164,6 +164,77 @@ def _violation(here: Expansion, contacts: int, limits: Array) -> float:
     return total + worst
 
 
+@compiled_in_place
+def _fill_control(x: Array, base: Array, place: Integers, control: Array) -> None:
+    """Fill a segment (4, 2) with its unknowns and its fixed numbers."""
+    for i in range(8):
+        a, d = i // 2, i % 2
+        control[a, d] = x[place[i]] if place[i] >= 0 else base[a, d]
+
+
+@compiled_in_place
+def _add_bending(control: Array, total: float) -> float:
+    """Add the integral of |X''|^2 over a segment (4, 2) to a total [m^2]."""
+    for a in range(4):
+        for b in range(4):
+            for d in range(2):
+                total += BENDING[a, b] * control[a, d] * control[b, d]
+    return total
+
+
+@compiled_in_place
+def _add_discs(
+    layout: Layout,
+    out: Expansion,
+    count: int,
+    piece: Piece,
+    middle: tuple[float, float],
+    reach: float,
+    curve: Curve,
+) -> int:
+    """Add a segment's contacts with discs, near ones and pinned ones."""
+    # segments join smoothly, so that an end is a nearest point only where the chain ends
+    ends = piece.k == len(layout.base) - 1
+    for disc in range(len(layout.radii)):
+        x, y, radius = layout.centers[disc, 0], layout.centers[disc, 1], layout.radii[disc]
+        far = (middle[0] - x) ** 2 + (middle[1] - y) ** 2
+        if far > (curve.spread[0] + radius + reach) ** 2:
+            continue
+        circle = Circle(disc, x, y, radius)
+        least = approach(curve.points, curve.slopes, x, y, curve.rise)
+        if least < (radius + reach + curve.spread[1]) ** 2:
+            count = add_around(
+                out.contact, out.slope, count, piece, circle, reach, least, ends, curve
+            )
+        for row in range(len(layout.pinned_contacts)):
+            pinned = layout.pinned_contacts[row]
+            if int(pinned[0]) == piece.k and int(pinned[1]) == disc:
+                count = add(
+                    out.contact,
+                    out.slope,
+                    count,
+                    piece,
+                    circle,
+                    pinned[2],
+                    False,
+                    reach,
+                    curve.powers,
+                )
+    return count
+
+
+@compiled_in_place
+def _add_speed(
+    layout: Layout, out: Expansion, count: int, piece: Piece, reach: float, curve: Curve
+) -> int:
+    """Add the contacts of a segment's derivative with the disc of least speed."""
+    least = approach(curve.points, curve.slopes, 0.0, 0.0, curve.rise)
+    if least < (layout.slowest + reach + curve.spread[1]) ** 2:
+        circle = Circle(SPEED, 0.0, 0.0, layout.slowest)
+        count = add_around(out.contact, out.slope, count, piece, circle, reach, least, True, curve)
+    return count
+
+
 @compiled
 def expand(
     x: Array, layout: Layout, reach: float, out: Expansion
@@ -172,30 +243,24 @@ def expand(
 
     Args:
         x: unknowns.
-        layout: which chain, among what.
+        layout: the chain and its limits.
         reach: contacts with a clearance of this [m] or more are left out.
-        out: what is filled.
+        out: filled.
 
     Returns:
-        The number of contacts; by how much limits are broken in all [m]; the chain's
-        length [m]; and the bending's share of the objective [m].
+        The number of contacts; the sum of all violations of limits [m]; the chain's length [m];
+        and the bending's share of the objective [m].
     """
-    segments, contact, gradient = len(layout.base), out.contact, out.slope
-    slope, size = np.empty(8), LOOKS
+    slope = np.empty(8)
     v, first, second = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 3, 3))
     curve = Curve(
-        np.empty((size, 2)), np.empty((size, 2)), np.empty(size), np.empty((4, 2)), np.empty(2)
+        np.empty((LOOKS, 2)), np.empty((LOOKS, 2)), np.empty(LOOKS), np.empty((4, 2)), np.empty(2)
     )
-    points, slopes, rise, spread = curve.points, curve.slopes, curve.rise, curve.spread
     count, total, bent = 0, 0.0, 0.0
-    for k in range(segments):
+    for k in range(len(layout.base)):
         control, place = out.control[k], layout.place[k]
         piece = Piece(k, control, place)
-        for i in range(8):
-            if place[i] >= 0:
-                control[i // 2, i % 2] = x[place[i]]
-            else:
-                control[i // 2, i % 2] = layout.base[k, i // 2, i % 2]
+        _fill_control(x, layout.base[k], place, control)
         length = _measure(control, slope, out.length_curvature[k], v, first, second)
         length += layout.correction[k]
         out.length[k] = length
@@ -204,43 +269,24 @@ def expand(
         for i in range(8):
             if place[i] >= 0:
                 out.length_slope[k, place[i]] += slope[i]
-        for a in range(4):
-            for b in range(4):
-                for d in range(2):
-                    bent += BENDING[a, b] * control[a, d] * control[b, d]
+        bent = _add_bending(control, bent)
         middle = (
             0.5 * (control[0, 0] + control[1, 0]),
             0.5 * (control[0, 1] + control[1, 1]),
         )
         trace(control, 0, middle, curve)
-        # points join smoothly, so that an end is nearest only where the chain ends
-        ends = k == segments - 1
-        for disc in range(len(layout.radii)):
-            cx, cy, radius = layout.centers[disc, 0], layout.centers[disc, 1], layout.radii[disc]
-            far = (middle[0] - cx) ** 2 + (middle[1] - cy) ** 2
-            if far > (spread[0] + radius + reach) ** 2:
-                continue
-            thing = Thing(disc, cx, cy, radius)
-            # here and not in a function that is handed all arrays, which takes longer
-            least = approach(points, slopes, cx, cy, rise)
-            if least < (radius + reach + spread[1]) ** 2:
-                count = add_around(
-                    contact, gradient, count, piece, thing, reach, least, ends, curve
-                )
-            for row in range(len(layout.held)):
-                if int(layout.held[row, 0]) == k and int(layout.held[row, 1]) == disc:
-                    t = layout.held[row, 2]
-                    count = add(
-                        contact, gradient, count, piece, thing, t, False, reach, curve.powers
-                    )
+        count = _add_discs(layout, out, count, piece, middle, reach, curve)
         trace(control, 1, (0.0, 0.0), curve)
-        least = approach(points, slopes, 0.0, 0.0, rise)
-        if least < (layout.slowest + reach + spread[1]) ** 2:
-            thing = Thing(SPEED, 0.0, 0.0, layout.slowest)
-            count = add_around(contact, gradient, count, piece, thing, reach, least, True, curve)
-        count = add_coordinates(contact, gradient, count, piece, layout.bounds, reach)
+        count = _add_speed(layout, out, count, piece, reach, curve)
+        count = add_coordinates(out.contact, out.slope, count, piece, layout.bounds, reach)
         if layout.turn_radius > 0.0:
             count = add_turns(
-                contact, gradient, count, piece, layout.turn_radius, reach, layout.held
+                out.contact,
+                out.slope,
+                count,
+                piece,
+                layout.turn_radius,
+                reach,
+                layout.pinned_contacts,
             )
-    return count, _violation(out, count, layout.limits), total, layout.stiffness * bent
+    return count, _violation(out, count, layout.limits), total, layout.bending_weight * bent

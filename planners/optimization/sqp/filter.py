@@ -1,4 +1,4 @@
-"""A filter: points of a search, as pairs of objective and violation, that a step must improve on.
+"""A filter: pairs of objective and violation that a step must improve on.
 
 Reference:
     Fletcher & Leyffer (2002), Nonlinear programming without a penalty function,
@@ -8,24 +8,24 @@ Reference:
 from __future__ import annotations
 
 _REMEMBERED = 20
-"""Points that a filter holds."""
+"""Number of points that a filter remembers."""
 
 
 class Filter:
-    """Judges steps without weighing objective against violation."""
+    """Accepts steps without weighing the objective against the violation."""
 
     def __init__(self, most: float) -> None:
-        """For violations [m] up to `most`."""
+        """Accept violations [m] up to `most` only."""
         self._most = most
         self._pairs: list[tuple[float, float]] = []
 
     def add(self, objective: float, violation: float) -> None:
-        """Take in a point."""
+        """Remember a point."""
         self._pairs.append((objective, violation))
         del self._pairs[:-_REMEMBERED]
 
     def accepts(self, objective: float, violation: float) -> bool:
-        """Whether a point lessens the objective or the violation against every point held."""
+        """Whether a point improves the objective or the violation of every remembered point."""
         if not violation <= self._most:
             return False
         # not a generator, which takes longer

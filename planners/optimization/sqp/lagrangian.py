@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from planners.optimization.sqp.contacts import Integers
 from planners.optimization.sqp.expansion import Expansion, Layout
 from planners.optimization.sqp.turn_contacts import LEFT, add_turn_hessian
@@ -21,16 +21,16 @@ def warm_start_multipliers(
     tension: Array,
     carried: Array,
 ) -> None:
-    """Hand a step's multipliers on to the point it leads to.
+    """Transfer a step's multipliers to the point that it leads to.
 
     Args:
         old: the chain that the step was computed for.
-        taken: its contacts that were rows after the lengths.
+        taken: its contacts that were rows of the programme, after those of the lengths.
         multipliers: (n + rows,) of the lengths and of those rows.
         new: the chain after the step.
         contacts: their number there.
-        tension: (n,) filled with the lengths'.
-        carried: (room,) filled: each goes to the nearest contact of segment and thing.
+        tension: (n,) filled with the multipliers of the lengths.
+        carried: (room,) filled: each multiplier goes to the nearest contact with the same limit.
     """
     segments = len(tension)
     tension[:] = multipliers[:segments]
@@ -50,6 +50,49 @@ def warm_start_multipliers(
             carried[best] += multipliers[index]
 
 
+@compiled_in_place
+def _add_segment(
+    layout: Layout,
+    here: Expansion,
+    k: int,
+    factor: float,
+    bending: Array,
+    gradient: Array,
+    hessian: Array,
+) -> None:
+    """Add `factor` times the Hessian of segment k's length, and its weighted bending."""
+    place, weight = layout.place[k], 2.0 * layout.bending_weight
+    for i in range(8):
+        if place[i] < 0:
+            continue
+        for j in range(8):
+            if place[j] >= 0:
+                hessian[place[i], place[j]] += factor * here.length_curvature[k, i, j]
+        if weight != 0.0:
+            for b in range(4):
+                bend = weight * bending[i // 2, b]
+                gradient[place[i]] += bend * here.control[k, b, i % 2]
+                j = 2 * b + i % 2
+                if place[j] >= 0:
+                    hessian[place[i], place[j]] += bend
+
+
+@compiled_in_place
+def _add_objective(
+    slope: Array, curvature: Array, inner: Array, gradient: Array, hessian: Array
+) -> None:
+    """Add the derivatives of F(l, P) by the chain rule; `inner` (3, m) are those of l and P."""
+    m = len(gradient)
+    for i in range(m):
+        for a in range(3):
+            gradient[i] += slope[a] * inner[a, i]
+            for b in range(3):
+                factor = curvature[a, b] * inner[a, i]
+                if factor != 0.0:
+                    for j in range(m):
+                        hessian[i, j] += factor * inner[b, j]
+
+
 @compiled
 def lagrangian(
     layout: Layout,
@@ -66,7 +109,7 @@ def lagrangian(
     """Fill the gradient of the objective and the Hessian of the Lagrangian.
 
     Args:
-        layout: which chain, among what.
+        layout: the chain and its limits.
         here: the chain, expanded.
         contacts: their number.
         slope: (3,) gradient of the objective F(l, P) with respect to l and P.
@@ -77,38 +120,17 @@ def lagrangian(
         gradient: (m,), filled.
         hessian: (m, m), filled.
     """
-    m, segments = len(gradient), len(here.length)
+    segments = len(here.length)
     gradient[:] = hessian[:] = 0.0
-    inner = np.zeros((3, m))
+    # gradients of the objective's arguments: length, and the end's coordinates
+    inner = np.zeros((3, len(gradient)))
     for d in range(2):
         if layout.place[segments - 1, 2 + d] >= 0:
             inner[1 + d, layout.place[segments - 1, 2 + d]] = 1.0
-    stiffness = 2.0 * layout.stiffness
     for k in range(segments):
         inner[0] += here.length_slope[k]
-        place = layout.place[k]
-        factor = slope[0] - tension[k]
-        for i in range(8):
-            if place[i] < 0:
-                continue
-            for j in range(8):
-                if place[j] >= 0:
-                    hessian[place[i], place[j]] += factor * here.length_curvature[k, i, j]
-            if stiffness != 0.0:
-                for b in range(4):
-                    stiff = stiffness * bending[i // 2, b]
-                    gradient[place[i]] += stiff * here.control[k, b, i % 2]
-                    j = 2 * b + i % 2
-                    if place[j] >= 0:
-                        hessian[place[i], place[j]] += stiff
-    for i in range(m):
-        for a in range(3):
-            gradient[i] += slope[a] * inner[a, i]
-            for b in range(3):
-                factor = curvature[a, b] * inner[a, i]
-                if factor != 0.0:
-                    for j in range(m):
-                        hessian[i, j] += factor * inner[b, j]
+        _add_segment(layout, here, k, slope[0] - tension[k], bending, gradient, hessian)
+    _add_objective(slope, curvature, inner, gradient, hessian)
     for row in range(contacts):
         if multiplier[row] != 0.0:
             contact = here.contact[row]

@@ -16,14 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 Indices = NDArray[np.int64]
 
 _GROWTH = (1.0 + np.sqrt(17.0)) / 8.0
-"""A diagonal pivot is taken if it is at least this part of the largest other entry."""
+"""Least ratio of a diagonal pivot and the largest other entry."""
 _KEPT = 0.3
-"""Part of a negative eigenvalue's size that is kept: a step along it is bold, not boundless."""
+"""Part of a negative eigenvalue's size that replaces it, which bounds the step along it."""
 
 
 @compiled
@@ -35,7 +35,7 @@ def _raised(value: float, floor: float) -> float:
 def _swap(
     rest: Array, lower: Array, scaled: Array, order: Indices, done: int, i: int, j: int
 ) -> None:
-    """Exchange rows and columns i and j of what is left, and rows of the columns done."""
+    """Exchange rows and columns i and j of the remainder, and rows of the finished columns."""
     if i == j:
         return
     for k in range(len(rest)):
@@ -46,6 +46,62 @@ def _swap(
         lower[i, k], lower[j, k] = lower[j, k], lower[i, k]
         scaled[i, k], scaled[j, k] = scaled[j, k], scaled[i, k]
     order[i], order[j] = order[j], order[i]
+
+
+@compiled_in_place
+def _pivots(rest: Array, k: int) -> tuple[float, int, float, int, int]:
+    """Largest diagonal entry of the rows from k on and its row; largest other one, its rows."""
+    diagonal = other = -1.0
+    d, p, q = k, k, k
+    for i in range(k, len(rest)):
+        if abs(rest[i, i]) > diagonal:
+            diagonal, d = abs(rest[i, i]), i
+        for j in range(k, i):
+            if abs(rest[i, j]) > other:
+                other, p, q = abs(rest[i, j]), j, i
+    return diagonal, d, other, p, q
+
+
+@compiled_in_place
+def _eliminate_one(rest: Array, lower: Array, scaled: Array, k: int, floor: float) -> None:
+    """Eliminate row k with a pivot of one row."""
+    n, pivot = len(rest), rest[k, k]
+    if pivot != 0.0:
+        for i in range(k + 1, n):
+            lower[i, k] = rest[i, k] / pivot
+    for i in range(k + 1, n):
+        for j in range(k + 1, i + 1):
+            rest[i, j] -= lower[i, k] * rest[j, k]
+            rest[j, i] = rest[i, j]
+    raised = _raised(pivot, floor)
+    for i in range(k, n):
+        scaled[i, k] = lower[i, k] * raised
+
+
+@compiled_in_place
+def _eliminate_two(rest: Array, lower: Array, scaled: Array, k: int, floor: float) -> None:
+    """Eliminate rows k and k + 1 with a pivot of two rows."""
+    n = len(rest)
+    a, b, c = rest[k, k], rest[k + 1, k], rest[k + 1, k + 1]
+    determinant = a * c - b * b
+    for i in range(k + 2, n):
+        u, v = rest[i, k], rest[i, k + 1]
+        lower[i, k] = (u * c - v * b) / determinant
+        lower[i, k + 1] = (v * a - u * b) / determinant
+    for i in range(k + 2, n):
+        for j in range(k + 2, i + 1):
+            rest[i, j] -= lower[i, k] * rest[j, k] + lower[i, k + 1] * rest[j, k + 1]
+            rest[j, i] = rest[i, j]
+    middle, half = 0.5 * (a + c), 0.5 * (a - c)
+    spread = np.sqrt(half * half + b * b)
+    above, below = _raised(middle + spread, floor), _raised(middle - spread, floor)
+    tilt = (above - below) / (2.0 * spread)
+    a = below + tilt * (a - middle + spread)
+    c = below + tilt * (c - middle + spread)
+    b = tilt * b
+    for i in range(k, n):
+        scaled[i, k] = lower[i, k] * a + lower[i, k + 1] * b
+        scaled[i, k + 1] = lower[i, k] * b + lower[i, k + 1] * c
 
 
 @compiled
@@ -62,53 +118,17 @@ def make_definite(matrix: Array, floor: float, out: Array) -> None:
     order = np.arange(n)
     k = 0
     while k < n:
-        diagonal = other = -1.0
-        d, p, q = k, k, k
-        for i in range(k, n):
-            if abs(rest[i, i]) > diagonal:
-                diagonal, d = abs(rest[i, i]), i
-            for j in range(k, i):
-                if abs(rest[i, j]) > other:
-                    other, p, q = abs(rest[i, j]), j, i
+        diagonal, d, other, p, q = _pivots(rest, k)
         if k == n - 1 or diagonal >= _GROWTH * other:
             _swap(rest, lower, scaled, order, k, k, d)
-            pivot = rest[k, k]
-            if pivot != 0.0:
-                for i in range(k + 1, n):
-                    lower[i, k] = rest[i, k] / pivot
-            for i in range(k + 1, n):
-                for j in range(k + 1, i + 1):
-                    rest[i, j] -= lower[i, k] * rest[j, k]
-                    rest[j, i] = rest[i, j]
-            raised = _raised(pivot, floor)
-            for i in range(k, n):
-                scaled[i, k] = lower[i, k] * raised
+            _eliminate_one(rest, lower, scaled, k, floor)
             k += 1
-            continue
-        # p < q, and neither swap moves the other's row
-        _swap(rest, lower, scaled, order, k, k, p)
-        _swap(rest, lower, scaled, order, k, k + 1, q)
-        a, b, c = rest[k, k], rest[k + 1, k], rest[k + 1, k + 1]
-        determinant = a * c - b * b
-        for i in range(k + 2, n):
-            u, v = rest[i, k], rest[i, k + 1]
-            lower[i, k] = (u * c - v * b) / determinant
-            lower[i, k + 1] = (v * a - u * b) / determinant
-        for i in range(k + 2, n):
-            for j in range(k + 2, i + 1):
-                rest[i, j] -= lower[i, k] * rest[j, k] + lower[i, k + 1] * rest[j, k + 1]
-                rest[j, i] = rest[i, j]
-        middle, half = 0.5 * (a + c), 0.5 * (a - c)
-        spread = np.sqrt(half * half + b * b)
-        above, below = _raised(middle + spread, floor), _raised(middle - spread, floor)
-        tilt = (above - below) / (2.0 * spread)
-        a = below + tilt * (a - middle + spread)
-        c = below + tilt * (c - middle + spread)
-        b = tilt * b
-        for i in range(k, n):
-            scaled[i, k] = lower[i, k] * a + lower[i, k + 1] * b
-            scaled[i, k + 1] = lower[i, k] * b + lower[i, k + 1] * c
-        k += 2
+        else:
+            # p < q, and neither swap moves the other's row
+            _swap(rest, lower, scaled, order, k, k, p)
+            _swap(rest, lower, scaled, order, k, k + 1, q)
+            _eliminate_two(rest, lower, scaled, k, floor)
+            k += 2
     for i in range(n):
         for j in range(i + 1):
             total = 0.0

@@ -1,8 +1,8 @@
-"""Our solver of windows: searches from many starts, certified together.
+"""The planners' solver of windows: searches from many first guesses, certified together.
 
-What certification finds joins as rows, and the search goes on: the exchange method of
-semi-infinite programming, as in `planners.optimization.reference.exchange`, around a search that
-already follows the nearest points of the whole curve and therefore seldom needs it.
+Where certification fails, the contacts it finds are pinned and the search is resumed: the exchange
+method of semi-infinite programming, as in `planners.optimization.reference.exchange`. It is seldom
+needed, since the search already follows the nearest points of the whole curve.
 """
 
 from __future__ import annotations
@@ -16,29 +16,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from planners.optimization.certification import Certified, Solution, certify
+from planners.optimization.certification import ROUNDS, Certified, Solution, certify
 from planners.optimization.sqp.elastic_sqp import CONVERGED, ElasticSqp, Search, SearchState
 from planners.optimization.window import Window
-
-ROUNDS = 12
-"""Most solves of one window."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MultiStart:
     """Elastic sequential quadratic programming from every start.
 
-    The first start is searched first; the others are given up where they cannot better it.
-    Then the best chain is moved aside, to both sides, and searched from once more: a search is
-    local, and a neighbouring gap is often better.
+    The first start is searched first; the others stop where they cannot improve on it. Then the
+    best chain is shifted to both sides, and each shifted chain is searched from: a search is local,
+    and a neighbouring gap is often better.
     """
 
     search: ElasticSqp = field(default_factory=ElasticSqp)
     sidesteps: tuple[float, ...] = (8.0, 16.0)
-    """How far the best chain's end is moved aside, to both sides [m]."""
+    """Distances by which the end of the best chain is shifted to both sides [m]."""
     threads: int = 1
-    """Threads that starts are shared out to. Results do not depend on it; it does not pay
-    for windows of three segments, whose steps are shorter than a switch of threads."""
+    """Number of threads. Results do not depend on it; more than one does not pay for windows of
+    three segments, whose steps are shorter than a switch of threads."""
 
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
@@ -68,7 +65,7 @@ class MultiStart:
 
 
 def offset_guesses(chain: Array, offset: float) -> list[Array]:
-    """Guesses to both sides of a chain (n, 4, 2), the farther the later, the end by `offset`."""
+    """Guesses on both sides of a chain (n, 4, 2), from its start to its end shifted by `offset`."""
     along = chain[-1, 1] - chain[0, 0]
     across = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     lean = np.linspace(0.0, offset, len(chain) + 1)[:, None] * across
@@ -83,29 +80,29 @@ def _rank(end: Certified) -> float:
 
 
 def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[Certified]:
-    """Search from each guess, certify all together, go on where that finds more contacts."""
+    """Search from each guess, certify all ends together, and resume those that fail."""
     if not guesses:
         return []
     window = workers[0].window
-    trails = _search(workers, guesses, bound)
+    states = _search(workers, guesses, bound)
     began = time.perf_counter()
-    chains = [window.chain.control(trail.x) for trail in trails]
+    chains = [window.chain.control(state.x) for state in states]
     feasible = certify(window, np.array(chains))
-    seconds = (time.perf_counter() - began) / len(trails)
+    seconds = (time.perf_counter() - began) / len(states)
     ends = []
-    for trail, chain, clear in zip(trails, chains, feasible, strict=True):
-        while not clear and trail.rounds < ROUNDS:
-            if not (np.isfinite(chain).all() and workers[0].join(trail, chain)):
+    for state, chain, clear in zip(states, chains, feasible, strict=True):
+        while not clear and state.rounds < ROUNDS:
+            if not (np.isfinite(chain).all() and workers[0].pin_contacts(state, chain)):
                 break
-            workers[0].go_on(trail, bound)
-            chain = window.chain.control(trail.x)
+            workers[0].resume(state, bound)
+            chain = window.chain.control(state.x)
             clear = certify(window, chain[None])[0]
-        ends.append(_end(trail, chain, bool(clear), trail.seconds + seconds))
+        ends.append(_end(state, chain, bool(clear), state.seconds + seconds))
     return ends
 
 
 def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[SearchState]:
-    """One trail for each guess; each worker takes every so-many-th."""
+    """Search from each guess, the guesses dealt out to the workers in turn."""
     count = len(workers)
     if count == 1:
         return [workers[0].start(guess, bound) for guess in guesses]
@@ -118,19 +115,19 @@ def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -
     return [shares[index % count][index // count] for index in range(len(guesses))]
 
 
-def _end(trail: SearchState, chain: Array, feasible: bool, seconds: float) -> Certified:
+def _end(state: SearchState, chain: Array, feasible: bool, seconds: float) -> Certified:
     solution = Solution(
-        x=trail.x,
-        objective=trail.objective,
-        converged=trail.status == CONVERGED,
-        status=trail.status,
-        evaluations=trail.evaluations,
+        x=state.x,
+        objective=state.objective,
+        converged=state.status == CONVERGED,
+        status=state.status,
+        evaluations=state.evaluations,
     )
     return Certified(
         solution=solution,
         control=chain,
         feasible=feasible,
-        evaluations=trail.evaluations,
-        rounds=trail.rounds,
+        evaluations=state.evaluations,
+        rounds=state.rounds,
         seconds=seconds,
     )

@@ -1,14 +1,14 @@
-"""Contacts of a chain with a turn radius to keep, to second order, compiled.
+"""Contacts of a chain with a least turn radius, to second order, compiled.
 
 With v the derivative of a segment, s its size and c = v x v', a left turn of radius R or wider has
-s^3 >= R c, and so has a right turn with -c. What must not fall below zero is taken as
+s^3 >= R c, and a right turn the same with -c. The quantity that must not fall below zero is
 
     h = (s^3 -+ R c) / (s^2 + 1)    [m per unit t],
 
-which has the same sign, changes by as much as v does where the curve turns no more sharply than
-it may, and is smooth where the curve nearly stands still. Local minima over t are contacts as
-in `planners.optimization.sqp.contacts`, and so are parameters looked at where the curve turns
-nearly as sharply as it may: an arc of the least radius touches the limit all along.
+which has the same sign as s^3 -+ R c, changes about as fast as v where the turn is wide enough, and
+is smooth where the curve nearly stops. Its local minima over t are contacts, as in
+`planners.optimization.sqp.contacts`, and so are sampled parameters where the turn is nearly as
+sharp as the limit: an arc of the least radius touches the limit along its whole length.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.world.turn_radius import too_sharp_at
 from planners.optimization.sqp.contacts import LOOKS, Integers, Piece, Records, row_weights
 
 LEFT, RIGHT = -6, -7
-"""What a contact is with, if it is the radius of turns to the left or to the right."""
+"""Limits of turns to the left and to the right, as in `what` of a contact."""
 WIDER = 1.001
-"""How much wider than they must be turns are planned: actions rounded to float32 end elsewhere by
-up to 1e-5 m, and where a curve is slow that makes much of its curvature."""
+"""Factor by which planned turns are wider than the limit: rounding to float32 actions moves ends by
+up to 1e-5 m, which changes the curvature much where a curve is slow."""
 SWING = 4.0
-"""A step changes h by up to about so many times as much as it moves points."""
+"""Greatest ratio, approximately, of a step's change of h and its displacement of points."""
 _NEAR = 0.1
-"""Part of s; parameters looked at where h is less are contacts."""
+"""Part of s below which h makes a sampled parameter a contact."""
 _LEAST = 1e-9
-"""A second derivative by t below this is none."""
+"""Second derivatives by t below this count as zero."""
 _T = np.linspace(0.0, 1.0, LOOKS)
 
 
@@ -121,7 +121,7 @@ def _bend(turn: _Turn, w: tuple[float, float], z: tuple[float, float]) -> float:
 
 @compiled
 def _refine(control: Array, radius: float, low: float, high: float) -> float:
-    """Where h is least between a falling and a rising end."""
+    """Parameter of the least h between a falling and a rising end."""
     t = 0.5 * (low + high)
     for _ in range(40):
         v, w, z = _move(control, t)
@@ -179,6 +179,35 @@ def add_turn(
     return count + 1
 
 
+@compiled_in_place
+def _add_side(
+    records: Records,
+    gradients: Array,
+    count: int,
+    piece: Piece,
+    radius: float,
+    reach: float,
+    h: Array,
+    rise: Array,
+) -> int:
+    """Add the contacts of turns to one side; h and rise (17,) are scratch memory."""
+    last, near = LOOKS - 1, np.empty(LOOKS)
+    for i in range(LOOKS):
+        v, w, z = _move(piece.control, _T[i])
+        turn = _turn(v, w, radius)
+        h[i], rise[i] = turn.h, _rise(turn, w, z)
+        near[i] = _NEAR * np.sqrt(v[0] * v[0] + v[1] * v[1])
+    for i in range(LOOKS):
+        low = i > 0 and rise[i - 1] < 0.0 <= rise[i]
+        if low and min(h[i - 1], h[i]) < reach:
+            t = _refine(piece.control, radius, _T[i - 1], _T[i])
+            count = add_turn(records, gradients, count, piece, radius, t, True)
+        end = (i == 0 and rise[i] >= 0.0) or (i == last and rise[i] <= 0.0)
+        if h[i] < near[i] or (end and h[i] < reach):
+            count = add_turn(records, gradients, count, piece, radius, _T[i], False)
+    return count
+
+
 @compiled
 def add_turns(
     records: Records,
@@ -187,40 +216,29 @@ def add_turns(
     piece: Piece,
     radius: float,
     reach: float,
-    held: Array,
+    pinned: Array,
 ) -> int:
-    """Add a segment's contacts with the least turn radius [m], those with h below the reach."""
-    reach *= SWING
-    last = LOOKS - 1
-    h, rise, near = np.empty(LOOKS), np.empty(LOOKS), np.empty(LOOKS)
+    """Add a segment's contacts with the least turn radius [m], those with h below the reach.
+
+    Contacts (k, 3) in `pinned` are added at their parameters.
+    """
+    h, rise = np.empty(LOOKS), np.empty(LOOKS)
     for side in range(2):
         signed, what = (radius, LEFT) if side == 0 else (-radius, RIGHT)
-        for i in range(LOOKS):
-            v, w, z = _move(piece.control, _T[i])
-            turn = _turn(v, w, signed)
-            h[i], rise[i] = turn.h, _rise(turn, w, z)
-            near[i] = _NEAR * np.sqrt(v[0] * v[0] + v[1] * v[1])
-        for i in range(LOOKS):
-            low = i > 0 and rise[i - 1] < 0.0 <= rise[i]
-            if low and min(h[i - 1], h[i]) < reach:
-                t = _refine(piece.control, signed, _T[i - 1], _T[i])
-                count = add_turn(records, gradients, count, piece, signed, t, True)
-            end = (i == 0 and rise[i] >= 0.0) or (i == last and rise[i] <= 0.0)
-            if h[i] < near[i] or (end and h[i] < reach):
-                count = add_turn(records, gradients, count, piece, signed, _T[i], False)
-        for row in range(len(held)):
-            if int(held[row, 0]) == piece.k and int(held[row, 1]) == what:
-                t = held[row, 2]
+        count = _add_side(records, gradients, count, piece, signed, SWING * reach, h, rise)
+        for row in range(len(pinned)):
+            if int(pinned[row, 0]) == piece.k and int(pinned[row, 1]) == what:
+                t = pinned[row, 2]
                 count = add_turn(records, gradients, count, piece, signed, t, False)
     return count
 
 
 def too_sharp(chain: Array, radius: float, tolerance: float) -> Array:
-    """Where certification finds segments (n, 4, 2) turn too sharply, as contacts to hold.
+    """Pinned contacts where certification finds that segments (n, 4, 2) turn too sharply.
 
     Returns:
-        (k, 3) segment, side and parameter, as in `planners.optimization.sqp.expansion.Layout.held`;
-        none for a radius of zero, which allows any turn.
+        (k, 3) segment, side and parameter, as `pinned_contacts` of
+        `planners.optimization.sqp.expansion.Layout`; empty for radius zero, which allows any turn.
     """
     if radius == 0.0:
         return np.empty((0, 3))

@@ -42,14 +42,14 @@ def random_unknowns(problem: Problem, seed: int) -> np.ndarray:
     return problem.chain.unknowns(chain + stream.normal(0.0, 1.0, chain.shape))
 
 
-@pytest.mark.parametrize("stiffness", [0.0, 0.01])
+@pytest.mark.parametrize("bending_weight", [0.0, 0.01])
 @pytest.mark.parametrize("final", [False, True])
 @given(seed=st.integers(0, 2**32 - 1), segments=st.integers(1, 4))
 @settings(deadline=None, max_examples=40, derandomize=True)
 def test_analytic_gradients_agree_with_complex_step(
-    final: bool, stiffness: float, seed: int, segments: int
+    final: bool, bending_weight: float, seed: int, segments: int
 ) -> None:
-    problem = programme(final, segments, WindowSettings(stiffness=stiffness))
+    problem = programme(final, segments, WindowSettings(bending_weight=bending_weight))
     x = random_unknowns(problem, seed)
     by_step = ComplexStep(problem)
     for analytic, stepped in (

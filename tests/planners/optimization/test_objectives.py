@@ -67,7 +67,7 @@ def test_at_the_goal_and_at_the_start_everything_is_finite(
 
 
 def test_the_goal_is_the_best_end_whatever_the_length() -> None:
-    np.testing.assert_array_equal(HORIZON.tip, GOAL)
+    np.testing.assert_array_equal(HORIZON.kink, GOAL)
     at_goal = HORIZON.value(45.0, GOAL)
     assert at_goal < 1e-8
     for angle in np.linspace(0.0, 6.0, 7):
@@ -83,5 +83,5 @@ def test_a_detour_costs_and_so_does_an_end_far_from_the_goal() -> None:
 
 def test_the_length_objective_is_smooth_and_looks_at_nothing_else() -> None:
     objective = LengthObjective()
-    assert objective.tip is None
+    assert objective.kink is None
     assert objective.value(12.0, GOAL) == objective.value(12.0, START) == 12.0

@@ -118,7 +118,7 @@ def test_turns_in_space_are_refused() -> None:
 
 
 def contact_at(control: np.ndarray, radius: float, t: float) -> tuple[float, np.ndarray]:
-    """Quantity and gradient of a contact that is held at t."""
+    """Quantity and gradient of a contact at a fixed t."""
     records, gradients = np.empty(1, CONTACT), np.empty((1, 8))
     add_turn(records, gradients, 0, Piece(0, control, PLACE), radius, t, False)
     return records[0]["clearance"], gradients[0]
@@ -171,14 +171,14 @@ def follow(control: np.ndarray, radius: float, t: float) -> float:
     return 0.5 * (low + high)
 
 
-def test_what_certification_finds_is_held() -> None:
+def test_certification_pins_what_it_finds() -> None:
     chain = np.stack([near_cusp(5.0), near_cusp(0.01), near_cusp(0.01)[:, ::-1]])
     rows = too_sharp(chain, 0.1, 0.0)
     np.testing.assert_array_equal(rows[:, :2], [[1, RIGHT], [2, LEFT]])
     records, gradients = np.empty(100, CONTACT), np.empty((100, 8))
-    held = rows[:1]
+    pinned = rows[:1]
     without = add_turns(records, gradients, 0, Piece(1, chain[1], PLACE), 0.1, -1e9, NONE)
-    count = add_turns(records, gradients, 0, Piece(1, chain[1], PLACE), 0.1, -1e9, held)
+    count = add_turns(records, gradients, 0, Piece(1, chain[1], PLACE), 0.1, -1e9, pinned)
     assert count == without + 1
     assert records[:count]["clearance"].min() < 0.0
     assert len(too_sharp(chain, 0.0, 0.0)) == 0

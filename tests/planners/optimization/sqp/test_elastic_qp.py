@@ -13,8 +13,8 @@ from ferguson_gym.world.transition import State, initial_state
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
-from planners.optimization.sqp.elastic_sqp import _layout
 from planners.optimization.sqp.expansion import empty_expansion, expand
+from planners.optimization.sqp.iterate import layout_of
 from planners.optimization.sqp.lagrangian import lagrangian
 from planners.optimization.sqp.modified_ldl import make_definite
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
@@ -54,7 +54,7 @@ class Step:
 
 
 def step(window: Window, x: np.ndarray, radius: float) -> Step:
-    layout, m, n = _layout(window, window.obstacles), len(x), window.chain.segments
+    layout, m, n = layout_of(window, window.obstacles), len(x), window.chain.segments
     here, rows = empty_expansion(n, m, ROOM), elastic_qp.empty_rows(n, m, ROOM)
     contacts, _, length, _ = expand(x, layout, elastic_qp.reach(radius), here)
     _, slope, curvature = window.objective.expand(length, here.control[-1, 1])

@@ -16,8 +16,8 @@ from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 from planners.optimization.quadrature import BENDING, bending, lengths
 from planners.optimization.sqp.contacts import HIGH, LOW, NEAR, SPEED
-from planners.optimization.sqp.elastic_sqp import _layout
 from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion, expand
+from planners.optimization.sqp.iterate import layout_of
 from planners.optimization.sqp.lagrangian import lagrangian
 from planners.optimization.window import Window, WindowSettings, horizon_window
 from tests.support.random_windows import Case
@@ -80,7 +80,7 @@ class Expanded:
 def expanded(
     window: Window, x: np.ndarray, reach: float = REACH, room: int = 1024, **layout: object
 ) -> Expanded:
-    whole = _layout(window, window.obstacles)._replace(**layout)
+    whole = layout_of(window, window.obstacles)._replace(**layout)
     out = empty_expansion(window.chain.segments, len(x), room)
     return Expanded(window, x, whole, out, *expand(x, whole, reach, out))
 
@@ -125,7 +125,7 @@ def test_lengths_bending_and_points_are_those_of_the_chain(
 ) -> None:
     window, x = drawn
     control = window.chain.control(x)
-    here = expanded(window, x, stiffness=0.01)
+    here = expanded(window, x, bending_weight=0.01)
     np.testing.assert_array_equal(here.out.control, control)
     assert here.length == pytest.approx(here.out.length.sum(), rel=1e-14)
     # sixteen nodes are exact but for near-cusps, where certification corrects them
@@ -170,9 +170,9 @@ def test_every_contact_is_as_clear_as_it_says_and_within_reach(
     assert (contact["clearance"] < REACH).all()
     assert ((contact["t"] >= 0.0) & (contact["t"] <= 1.0)).all()
     np.testing.assert_allclose(np.linalg.norm(contact["normal"], axis=1), 1.0, rtol=1e-12)
-    held = contact[(contact["what"] >= 0) & (contact["drift"] == 0.0)]
-    last = (held["segment"] == len(here.out.length) - 1) & (held["t"] == 1.0)
-    assert (last | (held["clearance"] < NEAR)).all()
+    pinned = contact[(contact["what"] >= 0) & (contact["drift"] == 0.0)]
+    last = (pinned["segment"] == len(here.out.length) - 1) & (pinned["t"] == 1.0)
+    assert (last | (pinned["clearance"] < NEAR)).all()
 
 
 @given(windows)
@@ -199,7 +199,7 @@ def test_no_nearest_point_within_reach_is_missed(seed: int, segments: int) -> No
     near = dict.fromkeys(here.contact["what"], np.inf)
     for contact in here.contact:
         near[contact["what"]] = min(near[contact["what"]], contact["clearance"])
-    # the chain's start is held: neither it nor a dip right behind it need be a contact
+    # the chain's start is fixed: neither it nor a dip right behind it need be a contact
     behind = len(t) // 16
     sampled = window.obstacles.signed_distance(points).reshape(-1, len(window.obstacles))
     for disc in range(len(window.obstacles)):
@@ -243,16 +243,16 @@ def test_a_disc_that_is_hugged_is_a_contact_all_along() -> None:
     )
     end = 10.05 * np.array([np.sin(1.0), np.cos(1.0)])
     here = expanded(window, np.concatenate([end, 10.05 * np.array([np.cos(1.0), -np.sin(1.0)])]))
-    held = here.contact[(here.contact["what"] == 0) & (here.contact["drift"] == 0.0)]
-    assert set(held["t"]) >= set(np.arange(1, 17) / 16)
-    assert (held["clearance"] < NEAR).all()
+    pinned = here.contact[(here.contact["what"] == 0) & (here.contact["drift"] == 0.0)]
+    assert set(pinned["t"]) >= set(np.arange(1, 17) / 16)
+    assert (pinned["clearance"] < NEAR).all()
 
 
 @pytest.mark.parametrize("t", [0.0, 0.3, 1.0])
 def test_what_certification_adds_is_a_contact_at_its_parameter(t: float) -> None:
     window, x = ordinary(2)
     plain = expanded(window, x, reach=1e3)
-    here = expanded(window, x, reach=1e3, held=np.array([[1.0, 4.0, t]]))
+    here = expanded(window, x, reach=1e3, pinned_contacts=np.array([[1.0, 4.0, t]]))
     assert here.count == plain.count + 1
     same = here.contact[(here.contact["segment"] == 1) & (here.contact["what"] == 4)]
     added = same[-1:]
@@ -280,16 +280,18 @@ def values(here: Expanded) -> np.ndarray:
     return np.concatenate([here.out.length, here.contact["clearance"], [f]])
 
 
-@pytest.mark.parametrize("stiffness", [0.0, 0.01])
+@pytest.mark.parametrize("bending_weight", [0.0, 0.01])
 @given(windows)
 @settings(deadline=None, max_examples=100, derandomize=True)
 def test_slopes_of_lengths_clearances_and_objective_agree_with_differences(
-    stiffness: float, drawn: tuple[Window, np.ndarray]
+    bending_weight: float, drawn: tuple[Window, np.ndarray]
 ) -> None:
     window, x = drawn
-    held = np.array([[0.0, 0.0, 0.6]]) if len(window.obstacles) else np.empty((0, 3))
-    here = expanded(window, x, held=held, stiffness=stiffness)
-    expected = differences(here, values, 1e-6, held=held, stiffness=stiffness)
+    pinned = np.array([[0.0, 0.0, 0.6]]) if len(window.obstacles) else np.empty((0, 3))
+    here = expanded(window, x, pinned_contacts=pinned, bending_weight=bending_weight)
+    expected = differences(
+        here, values, 1e-6, pinned_contacts=pinned, bending_weight=bending_weight
+    )
     assume(expected is not None)
     gradient, _ = here.gradient_and_hessian(np.zeros(len(here.out.length)), np.zeros(here.count))
     got = np.vstack([here.out.length_slope, here.slope, gradient])
@@ -311,12 +313,12 @@ CURVED = {
 
 def hessian_agrees(here: Expanded, tension: np.ndarray, multiplier: np.ndarray) -> bool:
     """Asserts it; False where a contact comes or goes."""
-    stiffness = here.layout.stiffness
+    bending_weight = here.layout.bending_weight
     expected = differences(
         here,
         lambda there: there.gradient_and_hessian(tension, multiplier)[0],
         1e-5,
-        stiffness=stiffness,
+        bending_weight=bending_weight,
     )
     if expected is None:
         return False
@@ -335,7 +337,7 @@ def test_the_lagrangians_hessian_agrees_with_differences_of_its_gradient(
     checked = 0
     for seed in range(1000):
         window, x = ordinary(seed, final=final)
-        here = expanded(window, x, stiffness=0.02 if part == "bending" else 0.0)
+        here = expanded(window, x, bending_weight=0.02 if part == "bending" else 0.0)
         tension, multiplier = np.zeros(3), np.zeros(here.count)
         if part == "lengths":
             tension[:] = 2.0, -3.0, 0.7
@@ -383,7 +385,7 @@ def test_everything_is_finite_for_any_chain(
     place: str, speed: float, guess: str, final: bool
 ) -> None:
     for seed in range(4):
-        case = Case(seed, 300, place, speed, guess, final=final, stiffness=0.01)
+        case = Case(seed, 300, place, speed, guess, final=final, bending_weight=0.01)
         window, chain = case.draw()
         here = expanded(window, window.chain.unknowns(chain), room=4096)
         assert np.isfinite([here.violation, here.length, here.bent]).all()

@@ -267,7 +267,9 @@ def test_other_obstacles_than_discs_are_refused() -> None:
 
     window = dataclasses.replace(window_from(OPEN), obstacles=Walls())
     guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
-    with pytest.raises(TypeError, match=r"discs, not Walls; planners\.exchange\.ByExchange"):
+    with pytest.raises(
+        TypeError, match=r"discs, not Walls; planners\.optimization\.reference\.exchange"
+    ):
         MultiStart().solve(window, [guess])
 
 
@@ -283,17 +285,17 @@ def test_certification_adds_the_contacts_it_finds_broken() -> None:
     window = window_from(field)
     chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     search = Search(ElasticSqp(), window, math.inf)
-    trail = SearchState(window.chain.unknowns(chain), search.fresh, status=CONVERGED)
-    assert search.join(trail, chain)
-    ((segment, disc, t),) = trail.layout.held
+    state = SearchState(window.chain.unknowns(chain), search.fresh, status=CONVERGED)
+    assert search.pin_contacts(state, chain)
+    ((segment, disc, t),) = state.layout.pinned_contacts
     (nearest,) = evaluate(chain[int(segment)], [t])
     assert disc == 0.0
     np.testing.assert_allclose(nearest, [4.7, 4.7], atol=1e-6)
-    search.go_on(trail, math.inf)
-    assert trail.rounds == 1
-    assert is_feasible(window.chain.control(trail.x), field, tolerance=AIM).all()
-    assert not search.join(trail, window.chain.control(trail.x))
-    assert not search.join(replace(trail, status=DEADLINE), chain)
+    search.resume(state, math.inf)
+    assert state.rounds == 1
+    assert is_feasible(window.chain.control(state.x), field, tolerance=AIM).all()
+    assert not search.pin_contacts(state, window.chain.control(state.x))
+    assert not search.pin_contacts(replace(state, status=DEADLINE), chain)
 
 
 def test_a_sidestep_leans_to_both_sides_and_keeps_the_start() -> None:
@@ -327,7 +329,7 @@ cases = st.builds(
     guess=st.sampled_from(GUESSES),
     segments=st.integers(1, 4),
     final=st.booleans(),
-    stiffness=st.sampled_from([0.0, 0.01]),
+    bending_weight=st.sampled_from([0.0, 0.01]),
 )
 
 
