@@ -26,7 +26,7 @@ def test_a_vehicle_that_stands_still_goes_nowhere(name: str) -> None:
     assert len(plan.control) == 0
 
 
-def test_a_search_that_ends_nowhere_is_no_plan() -> None:
+def test_a_failed_search_is_not_a_plan() -> None:
     # numbers so small that their squares are none led the search to NaN
     lost = State(Vehicle(np.array([-10.0, -10.0]), np.array([1.0, 8.3e-192])))
     assert quick("single-start").plan(CLOSE, lost, seed=0).status is Status.STUCK

@@ -64,7 +64,7 @@ def test_it_arrives_within_two_thousandths_of_the_exact_length(spec: str) -> Non
         assert -1e-6 <= length(plan.control).sum() / exact - 1.0 < 2e-3, field.name
 
 
-def test_nothing_is_random() -> None:
+def test_it_is_deterministic() -> None:
     field = get_field("standard/train:3")
     plans = [make("guided").plan(field, initial_state(field), seed) for seed in (0, 1)]
     np.testing.assert_array_equal(plans[0].control, plans[1].control)
@@ -115,7 +115,7 @@ def test_a_heading_into_a_disc_is_stuck() -> None:
     assert Guided().plan(field, initial_state(field), 0).status is Status.STUCK
 
 
-def test_obstacles_that_are_no_discs_are_refused() -> None:
+def test_obstacles_other_than_discs_are_refused() -> None:
     spheres = Discs([[5.0, 5.0, 5.0]], [1.0])
     field = Field(
         name="space",

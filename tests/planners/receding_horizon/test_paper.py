@@ -1,78 +1,29 @@
 """The paper's planner: what it reports is feasible, and replanning continues a plan."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
 
-from ferguson_gym.curves.splines import derivative, evaluate
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import inspect, is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.interface import Plan, State, Status, initial_state
+from planners.interface import State, Status, initial_state
 from planners.optimization.certification import AIM
 from planners.optimization.initial_guesses import no_guess, random_chains, shifted, straight_ahead
-from planners.optimization.reference.exchange import ByExchange, broken_rows
+from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
-from planners.optimization.window import WindowSettings, final_window, horizon_window
 from planners.receding_horizon.paper import RecedingHorizon
-from planners.registry import PLANNERS, make
-from tests.support.quick_planners import quick
+from planners.registry import make
+from tests.support.checked_plans import assert_may_be_flown, planned
 
 OPEN = Field(name="open", obstacles=Discs([], []))
 
 
-def assert_may_be_flown(plan: Plan, field: Field) -> None:
-    """Checked without the project's certificates: densely sampled, and by definition."""
-    control = plan.control
-    t = np.linspace(0.0, 1.0, 2001)
-    points, slopes = evaluate(control, t), derivative(control, t)
-    np.testing.assert_array_equal(control[0, 0], field.start)
-    np.testing.assert_array_equal(control[0, 2], field.departure)
-    np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
-    np.testing.assert_array_equal(control[-1, 1], field.goal)
-    if len(field.obstacles):
-        assert field.obstacles.signed_distance(points).min() >= -1e-5
-    speed = np.linalg.norm(slopes, axis=-1)
-    assert speed.min() >= 0.1 - 1e-5
-    assert ((points >= field.bounds[0] - 1e-5) & (points <= field.bounds[1] + 1e-5)).all()
-    lengths = np.linalg.norm(np.diff(points, axis=1), axis=-1).sum(axis=1)
-    assert lengths.min() >= 3.0 - 1e-4
-    assert lengths.max() <= 15.0 + 1e-5
-    assert is_feasible(control, field).all()
-
-
 NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
-
-
-@cache
-def planned(planner: str, name: str) -> Plan:
-    field = get_field(name)
-    return quick(planner).plan(field, initial_state(field), 3)
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("planner", PLANNERS)
-def test_every_success_is_feasible_and_ends_on_the_goal(planner: str, name: str) -> None:
-    plan = planned(planner, name)
-    # single-start alone is known to be caught, and by the trap only
-    assert plan.success or (planner, name) == ("single-start", "traps/train:0")
-    if plan.success:
-        assert_may_be_flown(plan, get_field(name))
-        assert plan.path is not None
-
-
-@pytest.mark.parametrize("planner", PLANNERS)
-def test_a_flight_that_is_over_needs_no_plan(planner: str) -> None:
-    plan = planned(planner, "sparse/train:0")
-    there = quick(planner).plan(get_field("sparse/train:0"), plan.states[-1], 3)
-    assert (there.status, there.path, len(there.control)) == (Status.SOLVED, None, 0)
-    late = State(transition.State(OPEN.start, OPEN.departure, PAPER_LIMITS.segments))
-    assert quick(planner).plan(OPEN, late, 3).status is Status.OUT_OF_SEGMENTS
 
 
 @pytest.mark.parametrize("name", NAMES[:2])
@@ -81,15 +32,6 @@ def test_multi_start_reaches_the_goal_of_sparse_fields(name: str) -> None:
     assert 10 <= len(plan.control) <= 12
     assert plan.path is not None
     assert plan.path.length < 1.1 * get_field(name).distance
-
-
-@pytest.mark.parametrize("planner", PLANNERS)
-def test_replanning_in_the_middle_gives_the_rest_of_the_plan(planner: str) -> None:
-    plan = planned(planner, "sparse/train:0")
-    middle = len(plan.control) - 4
-    again = quick(planner).plan(get_field("sparse/train:0"), plan.states[middle], 3)
-    assert again.status is plan.status
-    np.testing.assert_array_equal(again.control, plan.control[middle:])
 
 
 def test_every_window_is_reported() -> None:
@@ -116,17 +58,6 @@ def test_an_open_field_is_flown_straight() -> None:
     assert len(plan.control) == 10
 
 
-@pytest.mark.parametrize("planner", PLANNERS)
-@pytest.mark.parametrize("distance", [2.2, 2.5, 3.5, 7.0, 10.0, 40.0])
-def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
-    position = OPEN.goal - distance / np.sqrt(2.0)
-    vehicle = transition.State(position, np.array([4.0, 4.0]), 5)
-    plan = quick(planner).plan(OPEN, State(vehicle), 0)
-    assert plan.success
-    assert plan.path is not None
-    assert plan.path.length <= max(distance, 3.0) * 1.2
-
-
 def test_a_walled_in_start_is_stuck() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
@@ -136,28 +67,6 @@ def test_a_walled_in_start_is_stuck() -> None:
     assert plan.status in (Status.STUCK, Status.OUT_OF_SEGMENTS)
     assert plan.path is None
     assert is_feasible(plan.control, walled).all()
-
-
-@pytest.mark.parametrize("planner", PLANNERS)
-@pytest.mark.parametrize(
-    "options",
-    [
-        {"bounds": [0, 100], "start_derivative": [-1, 0]},
-        {"start": [-10, 50], "start_derivative": [-5, 0]},
-        {"start_derivative": [400, 400]},
-        {"start_derivative": [-0.1, 0.0]},
-    ],
-)
-def test_a_start_that_points_astray_is_planned_or_stuck(planner: str, options: dict) -> None:
-    field = Field(name="astray", obstacles=Discs([[6.0, 6.0]], [5.0]), **options)
-    plan = quick(planner).plan(field, initial_state(field), 0)
-    assert is_feasible(plan.control, field).all()
-    assert plan.success == (plan.path is not None)
-
-
-def test_limits_beyond_the_reach_of_actions_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"too short for limits\.longest = 20"):
-        RecedingHorizon(limits=replace(PAPER_LIMITS, longest=20.0))
 
 
 def test_a_flight_ends_when_its_segments_are_used_up() -> None:
@@ -174,95 +83,6 @@ def test_hundreds_of_obstacles_and_none_within_reach() -> None:
     plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.success
     assert_may_be_flown(plan, field)
-
-
-def test_exchange_closes_what_samples_miss() -> None:
-    # a disc so small that it hides between the paper's samples of a straight flight
-    disc = Discs([[4.7, 4.7]], [0.08])
-    field = Field(name="pin", obstacles=disc)
-    window = horizon_window(
-        field, transition.initial_state(field), PAPER_LIMITS, WindowSettings(), 3
-    )
-    guess = straight_ahead(transition.initial_state(field), 3, PAPER_LIMITS)
-    problem = window.sampled()
-    sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
-    assert problem.c(problem.chain.unknowns(sampled)).min() >= -1e-5
-    assert not is_feasible(sampled, field).all()
-    (certified,) = ByExchange(Slsqp()).solve(window, [guess])
-    assert certified.feasible
-    assert certified.rounds > 1
-    assert is_feasible(certified.control, field, tolerance=AIM).all()
-    assert certified.solution.objective <= float(problem.f(problem.chain.unknowns(sampled))) * 1.01
-
-
-@pytest.mark.parametrize(
-    ("segment", "kind"),
-    [
-        ([[0, 0], [9, 0], [9, 0], [9, 0]], None),
-        ([[0, 0], [20, 0], [20, 0], [20, 0]], "LengthBounds"),
-        ([[0, 0], [1, 0], [1, 0], [1, 0]], "LengthBounds"),
-        ([[0, 0], [6, 6], [0, 0], [6, 6]], "SpeedAt"),
-        ([[-9, 0], [-9, 6], [-12, 0], [12, 0]], "InsideAt"),
-        ([[20, 50], [32, 50], [12, 0], [12, 0]], "ClearanceAt"),
-    ],
-)
-def test_certification_names_the_row_that_is_broken(
-    segment: list[list[float]], kind: str | None
-) -> None:
-    field = Field(name="disc", obstacles=Discs([[26.0, 50.0]], [1.0]))
-    rows = broken_rows(np.array([segment], dtype=float), field, PAPER_LIMITS)
-    assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
-    for row in rows:
-        assert row.values(np.array([segment], dtype=float)).min() < -AIM
-
-
-def test_shifted_plan_repeats_the_last_point_and_derivative() -> None:
-    vehicle = transition.initial_state(OPEN)
-    chain = straight_ahead(vehicle, 3, PAPER_LIMITS)
-    guess = shifted(transition.State(chain[0, 1], chain[0, 3], 1), chain[1:], 3)
-    np.testing.assert_array_equal(guess[:2], chain[1:])
-    np.testing.assert_array_equal(guess[2], chain[2][[1, 1, 3, 3]])
-
-
-def test_random_chains_keep_to_the_step_radii_and_join() -> None:
-    vehicle = transition.initial_state(OPEN)
-    stream = np.random.default_rng(0)
-    chains = random_chains(stream, vehicle, 3, PAPER_LIMITS, 200)
-    assert chains.shape == (200, 3, 4, 2)
-    chords = np.linalg.norm(chains[:, :, 1] - chains[:, :, 0], axis=-1)
-    assert chords.min() >= 3.0
-    assert chords.max() <= 15.0
-    assert chords.min() < 3.5
-    assert chords.max() > 14.5
-    np.testing.assert_array_equal(chains[:, 1:, (0, 2)], chains[:, :-1, (1, 3)])
-    assert (chains[:, 0, 2] == vehicle.derivative).all()
-
-
-def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
-    field = get_field("paper:1")
-    vehicle = transition.initial_state(field)
-    near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
-    every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
-    within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
-    assert 0 < within < 50
-    guess = straight_ahead(vehicle, 3, PAPER_LIMITS)
-    assert len(near.c(near.chain.unknowns(guess))) == 6 + 3 * 29 * within
-    assert len(every.c(every.chain.unknowns(guess))) == 6 + 3 * 29 * 50
-
-
-@pytest.mark.parametrize("number", range(1, 5))
-def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
-    field = get_field(f"paper:{number}")
-    vehicle = transition.initial_state(field)
-    window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
-    chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
-    problem, (low, high) = window.sampled(), window.box
-    unknowns = [window.chain.unknowns(chain) for chain in chains]
-    expected = [
-        bool(problem.c(x).min() >= 0.0 and (x >= low).all() and (x <= high).all()) for x in unknowns
-    ]
-    assert 0 < sum(expected) < 1000
-    np.testing.assert_array_equal(window.admits(chains), expected)
 
 
 def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
@@ -288,7 +108,7 @@ def test_starts_are_the_plan_and_as_many_random_feasible_chains() -> None:
     np.testing.assert_array_equal(guess, shifted(flown.vehicle, flown.tail, 3))
 
 
-def test_where_starts_lead_to_nothing_more_are_drawn() -> None:
+def test_more_chains_are_drawn_while_all_starts_fail() -> None:
     counts = []
 
     def drawn(stream: np.random.Generator, *sizes: object) -> np.ndarray:
@@ -322,7 +142,7 @@ def test_all_guesses_may_be_random_and_only_the_first_draws_be_tried() -> None:
     assert_may_be_flown(plan, field)
 
 
-def test_without_any_guess_no_way_on_is_found() -> None:
+def test_without_a_first_guess_no_chain_is_found() -> None:
     planner = RecedingHorizon(first_guess=no_guess, random_starts=0)
     decision = planner.decide(OPEN, initial_state(OPEN), 0)
     assert decision.chain is None
@@ -374,7 +194,7 @@ def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
     assert all(d.report.cut_short or d.report.start == "planned" for d in plan.decisions)
 
 
-def test_past_its_deadline_a_planner_without_a_chain_flies_what_is_left() -> None:
+def test_past_its_deadline_a_planner_without_a_chain_flies_the_rest_of_its_plan() -> None:
     vehicle = transition.initial_state(OPEN)
     chain = straight_ahead(vehicle, 3, PAPER_LIMITS)
     # the shifted plan ends in a segment without length: no start is feasible
@@ -391,11 +211,6 @@ def test_a_planner_takes_any_solver_of_windows() -> None:
     plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     assert_may_be_flown(plan, field)
-
-
-def test_an_unknown_planner_is_refused_by_name() -> None:
-    with pytest.raises(ValueError, match="unknown planner 'nobody'; planners are single-start"):
-        make("nobody")
 
 
 def test_clearance_of_a_plan_is_contact_or_more() -> None:

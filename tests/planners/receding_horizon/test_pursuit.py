@@ -119,13 +119,13 @@ def test_a_gap_a_little_wider_stays_open_and_one_narrower_is_a_wall(narrowest: f
         assert crossing(plan.control) == pytest.approx(far, abs=4.0)
 
 
-def test_what_borders_a_gap_takes_a_margin_that_leaves_a_tenth_of_it() -> None:
+def test_discs_beside_a_gap_take_a_margin_that_leaves_a_tenth_of_it() -> None:
     field = at((60.0, 5.0, 4.5), (60.0, -5.0, 4.5), (90.0, 0.0, 4.0))
     margins = surroundings(field, 0.8, 0.8).margins
     np.testing.assert_allclose(margins, [0.45, 0.45, 0.8])
 
 
-def test_start_and_goal_stay_outside_of_what_is_grown() -> None:
+def test_start_and_goal_stay_outside_of_grown_discs() -> None:
     field = at((3.0, 2.5, 2.2), (np.sqrt(2) * 100.0, 4.0, 3.9))
     margins, togo = surroundings(field, 0.8, 0.8)
     assert margins[1] == pytest.approx(0.1, abs=1e-5)
@@ -177,7 +177,7 @@ def test_strides_are_near_the_one_asked_for_and_a_whole_number_of_them_arrives()
         assert chords.min() > 3.5, name
 
 
-def test_the_seed_changes_nothing() -> None:
+def test_the_seed_has_no_effect() -> None:
     field = field_of(NAMES[0])
     for seed in (1, 2**40):
         again = Pursuit().plan(field, initial_state(field), seed)
@@ -193,7 +193,7 @@ def test_planning_from_any_state_on_the_way_gives_the_rest(name: str) -> None:
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
-def test_what_is_meant_to_follow_is_what_is_decided_next() -> None:
+def test_the_segment_planned_next_is_decided_next() -> None:
     field, plan = field_of(NAMES[0]), planned(NAMES[0])
     meant = [decision.chain for decision in plan.decisions]
     assert all(chain is not None and len(chain) == 2 for chain in meant[:-1])
@@ -229,14 +229,16 @@ def test_decisions_are_steady_under_small_errors_of_the_state() -> None:
 
 @pytest.mark.parametrize("name", ["margin", "narrowest", "stride"])
 @pytest.mark.parametrize("value", [0.0, -1.0, math.inf, math.nan])
-def test_lengths_that_are_none_are_refused(name: str, value: float) -> None:
+def test_lengths_that_are_not_positive_and_finite_are_refused(name: str, value: float) -> None:
     given: dict[str, Any] = {name: value}
     with pytest.raises(ValueError, match=f"{name} must be a length above 0 m, got {value!r}"):
         Pursuit(**given)
 
 
 @pytest.mark.parametrize("others", [(0.0,), (5.0, -1.0), (math.nan,)])
-def test_other_strides_that_are_no_lengths_are_refused(others: tuple[float, ...]) -> None:
+def test_other_strides_must_be_positive_and_finite(
+    others: tuple[float, ...],
+) -> None:
     with pytest.raises(ValueError, match="others must be lengths above 0 m, got"):
         Pursuit(others=others)
 
@@ -253,7 +255,7 @@ def test_fields_that_are_not_planar_are_refused() -> None:
         Pursuit().plan(ball, State(transition.State(ball.start, ball.departure)), 0)
 
 
-def test_it_is_in_the_catalog_and_takes_the_options_of_what_decides_step_by_step() -> None:
+def test_it_is_registered_and_takes_the_options_of_replanners() -> None:
     planner = make("pursuit")
     assert isinstance(planner, Pursuit)
     assert isinstance(planner, Replanner)

@@ -138,7 +138,7 @@ def test_routes_through_the_suites(router: Router, name: str) -> None:
 
 
 @every_router
-def test_the_seed_changes_nothing(router: Router) -> None:
+def test_the_seed_has_no_effect(router: Router) -> None:
     field = get_field("standard/train:3")
     first, *others = (
         router.route(field, transition.initial_state(field), seed) for seed in (0, 0, 1)
@@ -204,7 +204,7 @@ def test_plans_are_feasible(name: str) -> None:
         np.testing.assert_allclose(plan.control[-1, 1], field.goal, atol=PAPER_LIMITS.tolerance)
 
 
-def test_without_networkx_the_catalog_says_what_to_install(
+def test_without_networkx_the_registry_says_what_to_install(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(optional_dependencies.importlib.util, "find_spec", lambda name: None)

@@ -247,7 +247,7 @@ def test_planners_are_imported_without_ompl() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ALGORITHMS)
-def test_the_catalogs_planners_repeat_bit_for_bit(name: str) -> None:
+def test_registered_planners_repeat_bit_for_bit(name: str) -> None:
     router = make(name).router  # type: ignore[attr-defined]
     for field in get_fields("standard/train:0-2"):
         np.testing.assert_array_equal(

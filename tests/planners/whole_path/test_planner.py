@@ -183,6 +183,6 @@ def test_a_crooked_route_buys_no_better_chain_than_a_straight_one() -> None:
     assert length(plan.control).sum() == pytest.approx(length(straight.control).sum(), rel=1e-5)
 
 
-def test_a_crash_is_told() -> None:
+def test_a_crash_is_reported() -> None:
     crash = WholePath(router=Given(None, crashes=True)).plan(OPEN, initial_state(OPEN), 0)
     assert crash.reason == "injected"

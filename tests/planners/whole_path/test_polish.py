@@ -38,7 +38,7 @@ def test_a_horizon_leaves_something_to_polish() -> None:
     assert is_feasible(chain, field, tolerance=AIM).all()
 
 
-def test_what_is_no_flight_is_refused() -> None:
+def test_invalid_flights_are_refused() -> None:
     field = get_field("standard/train:1")
     flown = make("guided").plan(field, initial_state(field), 0).control
     with pytest.raises(ValueError, match=r"not on the goal"):

@@ -112,7 +112,7 @@ def test_halves_are_tents() -> None:
     )
 
 
-def test_swarms_are_told_discs_in_the_plane() -> None:
+def test_swarms_need_discs_in_the_plane() -> None:
     ball = Discs([[50.0, 50.0, 50.0]], [5.0])
     space = Field(name="space", obstacles=ball, start=(0, 0, 0), goal=(100, 100, 100))
     vehicle = transition.State(space.start, space.departure)

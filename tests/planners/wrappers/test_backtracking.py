@@ -79,7 +79,7 @@ def test_the_paper_s_planner_is_led_out_of_a_pocket() -> None:
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
-def test_it_flies_back_where_nobody_knows_a_way_on() -> None:
+def test_it_flies_back_if_planner_and_guide_fail() -> None:
     state = visiting((20, 20), (30, 30), (38, 38))
     wall = Discs([[44.0, 44.0]], [6.0])  # 2.5 m ahead
     field = Field(name="wall", obstacles=wall)
@@ -91,7 +91,7 @@ def test_it_flies_back_where_nobody_knows_a_way_on() -> None:
     assert np.linalg.norm(decision.chain[-1, 1] - state.flown[-1, 0]) < 3.0
 
 
-def test_who_has_been_nowhere_cannot_fly_back() -> None:
+def test_without_a_path_flown_there_is_no_way_back() -> None:
     plan = Backtracking(planner=Stuck(), guide=Stuck()).plan(OPEN, initial_state(OPEN), 0)
     assert plan.status is Status.STUCK
 
@@ -117,7 +117,7 @@ def test_names_carry_options() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "message"),
     [
         ("shortest+sensing=20", "'shortest' plans its whole path at once and has no option"),
         ("voronoi+backtrack", "'voronoi' plans its whole path at once and has no option"),
@@ -134,8 +134,8 @@ def test_names_carry_options() -> None:
         ("ace+backtrack", "unknown planner 'ace'; planners are single-start"),
     ],
 )
-def test_options_that_cannot_be_are_refused(name: str, told: str) -> None:
-    with pytest.raises(ValueError, match=told):
+def test_options_that_cannot_be_are_refused(name: str, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         make(name)
 
 

@@ -63,7 +63,7 @@ def seen_at(field: Field, plan: Plan) -> list[int]:
 
 
 @pytest.mark.parametrize("spec", FIELDS)
-def test_known_is_what_was_in_range_of_the_path_flown(spec: str) -> None:
+def test_obstacles_in_range_of_the_path_flown_are_known(spec: str) -> None:
     field = get_field(spec)
     _, plan = sensed(field)
     first = np.array(seen_at(field, plan))
@@ -130,7 +130,7 @@ def test_a_flight_is_its_plan(name: str) -> None:
         np.testing.assert_array_equal(flight.control, plan.control)
 
 
-def test_a_flight_taken_up_on_its_way_knows_what_is_around_it() -> None:
+def test_planning_from_the_middle_of_a_flight_knows_nearby_obstacles() -> None:
     field = get_field("standard/train:1")
     planner, plan = sensed(field)
     vehicle = plan.states[4].vehicle
@@ -182,6 +182,6 @@ def test_a_range_below_the_longest_segment_is_refused(reach: float) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("suite", ["standard", "traps", "dense"])
 @pytest.mark.parametrize("reach", [PAPER_LIMITS.longest, REACH])
-def test_guided_arrives_whatever_it_sees(suite: str, reach: float) -> None:
+def test_guided_arrives_with_any_sensing_range(suite: str, reach: float) -> None:
     flights = [sensed(field, reach=reach)[1] for field in get_fields(f"{suite}/train:0-99")]
     assert sum(plan.success for plan in flights) >= 99

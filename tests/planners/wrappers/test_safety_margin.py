@@ -82,7 +82,7 @@ def test_planning_from_any_state_on_the_way_gives_the_rest() -> None:
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
-def test_vehicle_start_and_goal_are_never_inside_what_is_grown() -> None:
+def test_vehicle_start_and_goal_are_never_inside_grown_obstacles() -> None:
     field = get_field("dense/train:0")
     plan = Guided().plan(field, initial_state(field), 0)
     for state in plan.states:
@@ -130,7 +130,7 @@ class Refusing:
 
 
 @pytest.mark.parametrize(("most", "asked"), [(1.1, [1.0]), (0.5, [1.0, 0.4]), (0.0, [1.0, 0.4, 0])])
-def test_the_margin_shrinks_where_nothing_is_found(most: float, asked: list[float]) -> None:
+def test_the_margin_shrinks_while_planning_fails(most: float, asked: list[float]) -> None:
     field = get_field("sparse/train:0")
     inner = Refusing(field, most)
     decision = Margin(planner=inner, margin=1.0).decide(field, initial_state(field), 0)
@@ -138,7 +138,7 @@ def test_the_margin_shrinks_where_nothing_is_found(most: float, asked: list[floa
     assert inner.asked == pytest.approx(asked)
 
 
-def test_where_nothing_helps_there_is_no_decision() -> None:
+def test_if_every_margin_fails_there_is_no_decision() -> None:
     field = get_field("sparse/train:0")
     planner = Margin(planner=Refusing(field, -1.0), margin=1.0)
     plan = planner.plan(field, initial_state(field), 0)
@@ -149,7 +149,7 @@ def test_where_nothing_helps_there_is_no_decision() -> None:
 @pytest.mark.parametrize(
     "name", ["guided+margin=0.5+sensing=20", "single-start+margin=0.5+backtrack"]
 )
-def test_it_combines_with_what_senses_and_backtracks(name: str) -> None:
+def test_it_combines_with_sensing_and_backtracking(name: str) -> None:
     for field in get_fields("sparse/train:0-1"):
         plan = make(name).plan(field, initial_state(field), 0)
         assert plan.success
@@ -180,6 +180,6 @@ def test_it_keeps_a_turn_radius_too() -> None:
         ),
     ],
 )
-def test_what_makes_no_margin_is_refused(name: str, message: str) -> None:
+def test_invalid_margins_are_refused(name: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make(name)

@@ -1,11 +1,8 @@
-"""A chain to second order: against independent arithmetic and central differences."""
-
-from collections.abc import Callable
-from dataclasses import dataclass
+"""A chain to second order, against independent arithmetic."""
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ferguson_gym.curves.arc_length import length as certified_length
@@ -14,108 +11,18 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
-from planners.optimization.quadrature import BENDING, bending, lengths
+from planners.optimization.quadrature import bending, lengths
 from planners.optimization.sqp.contacts import HIGH, LOW, NEAR, SPEED
-from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion, expand
-from planners.optimization.sqp.iterate import layout_of
-from planners.optimization.sqp.lagrangian import lagrangian
 from planners.optimization.window import Window, WindowSettings, horizon_window
-from tests.support.random_windows import Case
-
-REACH = 5.0
-NUMBERS = ("clearance", "t", "weight", "normal", "inverse", "drift")
-"""What every contact has; `mixed` is filled where a contact moves."""
-
-
-@dataclass
-class Expanded:
-    """A window's chain, expanded."""
-
-    window: Window
-    x: np.ndarray
-    layout: Layout
-    out: Expansion
-    count: int
-    violation: float
-    length: float
-    bent: float
-
-    @property
-    def contact(self) -> np.ndarray:
-        return self.out.contact[: self.count]
-
-    @property
-    def slope(self) -> np.ndarray:
-        return self.out.slope[: self.count]
-
-    @property
-    def things(self) -> np.ndarray:
-        """What each contact is: equal rows mean the same contact of a chain close by."""
-        contact = self.contact
-        return np.stack([contact["segment"], contact["what"], contact["drift"] > 0.0], axis=1)
-
-    def gradient_and_hessian(
-        self, tension: np.ndarray, multiplier: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Of the Lagrangian, with multipliers of the lengths and of the contacts."""
-        m = self.out.slope.shape[1]
-        gradient, hessian = np.empty(m), np.empty((m, m))
-        _, slope, curvature = self.window.objective.expand(self.length, self.out.control[-1, 1])
-        lagrangian(
-            self.layout,
-            self.out,
-            self.count,
-            slope,
-            curvature,
-            tension,
-            multiplier,
-            BENDING,
-            gradient,
-            hessian,
-        )
-        gradient -= tension @ self.out.length_slope + multiplier @ self.slope
-        return gradient, hessian
-
-
-def expanded(
-    window: Window, x: np.ndarray, reach: float = REACH, room: int = 1024, **layout: object
-) -> Expanded:
-    whole = layout_of(window, window.obstacles)._replace(**layout)
-    out = empty_expansion(window.chain.segments, len(x), room)
-    return Expanded(window, x, whole, out, *expand(x, whole, reach, out))
-
-
-def ordinary(seed: int, segments: int = 3, final: bool = False) -> tuple[Window, np.ndarray]:
-    """A window, and unknowns of a random chain in its box."""
-    window, guess = Case(seed, segments=segments, final=final).draw()
-    noise = np.random.default_rng(seed).normal(0.0, 1.0, guess.shape)
-    return window, np.clip(window.chain.unknowns(guess + noise), *window.box)
-
-
-def clearances(here: Expanded, contact: np.ndarray) -> np.ndarray:
-    """By definition, at the contacts' parameters."""
-    control, layout = here.out.control, here.layout
-    values = []
-    for segment, what, t in zip(contact["segment"], contact["what"], contact["t"], strict=True):
-        (point,), (slope,) = evaluate(control[segment], [t]), derivative(control[segment], [t])
-        if what >= 0:
-            value = np.hypot(*(point - layout.centers[what])) - layout.radii[what]
-        elif what == SPEED:
-            value = np.hypot(*slope) - layout.slowest
-        elif what > HIGH:
-            value = (point - layout.bounds[0])[LOW - what]
-        else:
-            value = (layout.bounds[1] - point)[HIGH - what]
-        values.append(value)
-    return np.array(values)
-
-
-windows = st.builds(
+from tests.support.expanded_windows import (
+    NUMBERS,
+    REACH,
+    clearances,
+    expanded,
     ordinary,
-    seed=st.integers(0, 2**32 - 1),
-    segments=st.integers(1, 4),
-    final=st.booleans(),
+    windows,
 )
+from tests.support.random_windows import Case
 
 
 @given(windows)
@@ -161,7 +68,7 @@ def test_a_correction_is_added_to_the_length_alone() -> None:
 
 @given(windows)
 @settings(deadline=None, max_examples=200, derandomize=True)
-def test_every_contact_is_as_clear_as_it_says_and_within_reach(
+def test_contacts_have_their_clearance_and_are_within_reach(
     drawn: tuple[Window, np.ndarray],
 ) -> None:
     here = expanded(*drawn)
@@ -224,7 +131,7 @@ def test_no_nearest_point_within_reach_is_missed(seed: int, segments: int) -> No
 
 @given(windows)
 @settings(deadline=None, max_examples=200, derandomize=True)
-def test_violation_is_the_sum_of_what_every_limit_lacks(drawn: tuple[Window, np.ndarray]) -> None:
+def test_the_violation_is_a_sum_over_all_limits(drawn: tuple[Window, np.ndarray]) -> None:
     here = expanded(*drawn)
     worst: dict[tuple[int, int], float] = {}
     for contact in here.contact:
@@ -236,7 +143,7 @@ def test_violation_is_the_sum_of_what_every_limit_lacks(drawn: tuple[Window, np.
     assert here.violation == pytest.approx(expected, abs=1e-12)
 
 
-def test_a_disc_that_is_hugged_is_a_contact_all_along() -> None:
+def test_a_curve_along_a_disc_has_contacts_everywhere() -> None:
     field = Field(name="one disc", obstacles=Discs([[0.0, 0.0]], [10.0]), start=[0.0, 10.05])
     window = horizon_window(
         field, State(field.start, np.array([10.05, 0.0])), PAPER_LIMITS, WindowSettings(), 1
@@ -261,102 +168,8 @@ def test_what_certification_adds_is_a_contact_at_its_parameter(t: float) -> None
     np.testing.assert_allclose(added["clearance"], clearances(here, added), atol=1e-12)
 
 
-def differences(
-    here: Expanded, function: Callable[[Expanded], np.ndarray], step: float, **layout: object
-) -> np.ndarray | None:
-    """Central differences (..., unknowns); None where a contact comes or goes."""
-    columns = []
-    for along in step * np.eye(len(here.x)):
-        sides = [expanded(here.window, here.x + way, **layout) for way in (along, -along)]
-        if not all(np.array_equal(side.things, here.things) for side in sides):
-            return None
-        columns.append((function(sides[0]) - function(sides[1])) / (2.0 * step))
-    return np.stack(columns, axis=-1)
-
-
-def values(here: Expanded) -> np.ndarray:
-    """Of lengths, contacts and objective."""
-    f = here.window.objective.value(here.length, here.out.control[-1, 1]) + here.bent
-    return np.concatenate([here.out.length, here.contact["clearance"], [f]])
-
-
-@pytest.mark.parametrize("bending_weight", [0.0, 0.01])
-@given(windows)
-@settings(deadline=None, max_examples=100, derandomize=True)
-def test_slopes_of_lengths_clearances_and_objective_agree_with_differences(
-    bending_weight: float, drawn: tuple[Window, np.ndarray]
-) -> None:
-    window, x = drawn
-    pinned = np.array([[0.0, 0.0, 0.6]]) if len(window.obstacles) else np.empty((0, 3))
-    here = expanded(window, x, pinned_contacts=pinned, bending_weight=bending_weight)
-    expected = differences(
-        here, values, 1e-6, pinned_contacts=pinned, bending_weight=bending_weight
-    )
-    assume(expected is not None)
-    gradient, _ = here.gradient_and_hessian(np.zeros(len(here.out.length)), np.zeros(here.count))
-    got = np.vstack([here.out.length_slope, here.slope, gradient])
-    np.testing.assert_allclose(got, expected, atol=1e-5)
-
-
-CURVED = {
-    "objective": None,
-    "bending": None,
-    "lengths": None,
-    "a disc": lambda c: (c["what"] >= 0) & (c["drift"] > 0.0),
-    "the end and a disc": lambda c: (c["what"] >= 0) & (c["t"] == 1.0),
-    "along a disc": lambda c: (c["what"] >= 0) & (c["drift"] == 0.0) & (c["t"] < 1.0),
-    "least speed": lambda c: (c["what"] == SPEED) & (c["drift"] > 0.0),
-    "speed at a joint": lambda c: (c["what"] == SPEED) & (c["drift"] == 0.0),
-    "bounds": lambda c: c["what"] <= LOW,
-}
-
-
-def hessian_agrees(here: Expanded, tension: np.ndarray, multiplier: np.ndarray) -> bool:
-    """Asserts it; False where a contact comes or goes."""
-    bending_weight = here.layout.bending_weight
-    expected = differences(
-        here,
-        lambda there: there.gradient_and_hessian(tension, multiplier)[0],
-        1e-5,
-        bending_weight=bending_weight,
-    )
-    if expected is None:
-        return False
-    _, hessian = here.gradient_and_hessian(tension, multiplier)
-    size = abs(expected).max()
-    np.testing.assert_allclose(hessian, expected, atol=1e-5 * (1.0 + size))
-    np.testing.assert_allclose(hessian, hessian.T, atol=1e-13 * size)
-    return True
-
-
 @pytest.mark.parametrize("final", [False, True])
-@pytest.mark.parametrize("part", CURVED)
-def test_the_lagrangians_hessian_agrees_with_differences_of_its_gradient(
-    part: str, final: bool
-) -> None:
-    checked = 0
-    for seed in range(1000):
-        window, x = ordinary(seed, final=final)
-        here = expanded(window, x, bending_weight=0.02 if part == "bending" else 0.0)
-        tension, multiplier = np.zeros(3), np.zeros(here.count)
-        if part == "lengths":
-            tension[:] = 2.0, -3.0, 0.7
-        elif CURVED[part] is not None:
-            # where a minimum is all but flat, it moves too fast for differences
-            chosen = CURVED[part](here.contact) & (here.contact["drift"] < 1.0)
-            multiplier[chosen] = np.random.default_rng(seed).uniform(0.5, 2.0, chosen.sum())
-            if not chosen.any():
-                continue
-        speed = np.linalg.norm(derivative(here.out.control, np.linspace(0.0, 1.0, 101)), axis=-1)
-        if speed.min() > 0.5 and hessian_agrees(here, tension, multiplier):
-            checked += 1
-        if checked == 8:
-            return
-    pytest.fail(f"only {checked} chains found")
-
-
-@pytest.mark.parametrize("final", [False, True])
-def test_held_numbers_have_no_slope_and_keep_their_values(final: bool) -> None:
+def test_fixed_numbers_have_no_slope_and_keep_their_values(final: bool) -> None:
     window, x = ordinary(5, final=final)
     here = expanded(window, x)
     assert here.slope.shape[1] == (10 if final else 12)
@@ -366,7 +179,7 @@ def test_held_numbers_have_no_slope_and_keep_their_values(final: bool) -> None:
 
 
 @pytest.mark.parametrize("room", [1, 2, 7])
-def test_a_full_table_holds_the_first_contacts(room: int) -> None:
+def test_a_full_expansion_keeps_the_first_contacts(room: int) -> None:
     window, x = ordinary(3)
     whole, part = expanded(window, x, reach=20.0), expanded(window, x, reach=20.0, room=room)
     assert whole.count > room == part.count
@@ -381,7 +194,7 @@ def test_a_full_table_holds_the_first_contacts(room: int) -> None:
     "guess", ["random", "coincident", "without derivatives", "a point", "steep"]
 )
 @pytest.mark.parametrize("final", [False, True])
-def test_everything_is_finite_for_any_chain(
+def test_all_numbers_are_finite_for_any_chain(
     place: str, speed: float, guess: str, final: bool
 ) -> None:
     for seed in range(4):

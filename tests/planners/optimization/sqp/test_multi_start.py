@@ -177,7 +177,7 @@ def test_patience_costs_nothing_but_time(number: int) -> None:
 
 @pytest.mark.parametrize("at", [4.3, 4.7, 5.5, 9.6, 14.2])
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_a_pin_between_samples_is_kept_clear_of(solver: str, at: float) -> None:
+def test_a_small_disc_between_samples_is_avoided(solver: str, at: float) -> None:
     radius = 0.02
     field = Field(name="pin", obstacles=Discs([[at, at]], [radius]))
     window = window_from(field)
