@@ -26,7 +26,7 @@ from planners.wrappers.safety_margin import Margin
 
 
 def single_start() -> RecedingHorizon:
-    """The paper's planner from the shifted plan alone, caught where that is."""
+    """The paper's planner from the shifted plan alone, which a local minimum can trap."""
     return RecedingHorizon(random_starts=0, solver=MultiStart(sidesteps=()))
 
 
@@ -36,17 +36,17 @@ def multi_start() -> RecedingHorizon:
 
 
 def shortest() -> WholePath:
-    """The exact shortest path, fitted."""
+    """Segments fitted to the exact shortest path."""
     return WholePath(router=ShortestPathRouter())
 
 
 def voronoi() -> WholePath:
-    """The Voronoi diagram of the obstacles' centres, fitted."""
+    """Segments fitted to a route along the Voronoi diagram of the obstacles' centres."""
     return WholePath(router=VoronoiEdges())
 
 
 def astar() -> WholePath:
-    """A* on a grid, pulled tight and fitted.
+    """Segments fitted to a shortened A* path on a grid.
 
     Raises:
         ValueError: networkx is not installed.
@@ -76,7 +76,7 @@ def bit_star() -> WholePath:
 
 
 def pso() -> WholePath:
-    """Particle swarms that move the whole flight, fitted.
+    """Segments fitted to a route by particle swarms.
 
     Raises:
         ValueError: pygmo is not installed.
@@ -86,7 +86,7 @@ def pso() -> WholePath:
 
 
 def abc() -> WholePath:
-    """Artificial bee colonies that move the whole flight, fitted.
+    """Segments fitted to a route by artificial bee colonies.
 
     Raises:
         ValueError: pygmo is not installed.
@@ -110,7 +110,7 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "pso": pso,
     "abc": abc,
 }
-"""Makers of planners by name."""
+"""Constructors of planners by name."""
 
 
 OPTIONS = "NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES, NAME+sensing=METRES or several"

@@ -1,9 +1,9 @@
-"""Routes found by A* on a grid with 8 neighbours, then pulled tight to any angle.
+"""Routes by A* on a grid with 8 neighbours, shortened by lines of any angle.
 
-The grid stands on the bounds. No cell is blocked as a whole: a move is open if the straight line
-between the two grid points is clear of the discs themselves, so that a gap is lost only where no
-move of the grid fits through it. Vehicle and goal are joined to the grid points around them.
-The search is networkx's; shortcuts between any two points of its way are clear lines again.
+The grid spans the bounds. Cells are not blocked as a whole: a move is open if the straight line
+between its two grid points is clear of the discs, so that a gap is lost only if no move of the grid
+fits through it. Vehicle and goal are connected to the grid points around them. networkx searches;
+shortcuts between points of its path are clear lines.
 
 Reference:
     Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
@@ -27,34 +27,34 @@ from planners.whole_path.line_of_sight import lines_clear, scene_from
 from planners.whole_path.shortcut import shortcut
 
 MOST = 400
-"""Steps of the grid along an axis; a wider field gets a coarser grid, so that any field is planned
-in seconds."""
+"""Most steps of the grid along an axis; a wider field gets a coarser grid, so that planning takes
+seconds in any field."""
 JOINED = 2
-"""Vehicle and goal are joined to grid points that lie no further away along either axis [steps]."""
+"""Distance along each axis up to which grid points are connected to vehicle and goal [steps]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AStar:
-    """The shortest way through a grid, pulled tight. It needs networkx.
+    """Routes by A* on a grid, then shortened. Needs networkx.
 
     Raises:
         ValueError: a resolution that is not positive and finite.
     """
 
     resolution: float = 1.0
-    """Distance between neighbours of the grid along an axis [m], at most."""
+    """Greatest distance between neighbouring grid points along an axis [m]."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.resolution < math.inf:
             raise ValueError(f"resolution must be positive and finite, got {self.resolution} m")
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """The way from the vehicle to the goal; the seed changes nothing.
+        """Find a route from the vehicle to the goal; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
         """
-        # an optional library: planners are imported without it
+        # an optional library, which importing the planners must not require
         import networkx
 
         began = time.perf_counter()
@@ -78,7 +78,7 @@ class AStar:
         graph = networkx.Graph()
         graph.add_nodes_from((start, goal))
         graph.add_weighted_edges_from(zip(*moves.T.tolist(), lengths.tolist(), strict=True))
-        # any straight line is at least as long as this
+        # the straight distance is an admissible heuristic
         togo = np.linalg.norm(points - field.goal, axis=1).tolist()
         try:
             way = networkx.astar_path(graph, start, goal, lambda node, _: togo[node])
@@ -109,7 +109,7 @@ def _moves(columns: int, rows: int) -> Integers:
 
 
 def _joined(points: Array, node: int, step: Array) -> Integers:
-    """Pairs (n, 2) of a node and the points of the grid around it."""
+    """Pairs (n, 2) of a node and the grid points around it."""
     apart = np.abs(points[:-2] - points[node])
     (near,) = np.nonzero((apart <= JOINED * step).all(axis=1))
     return np.column_stack([np.full(len(near), node), near])

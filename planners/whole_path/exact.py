@@ -11,15 +11,15 @@ from ferguson_gym.world.field import Field
 from planners.interface import Route
 
 SPACING = 0.25
-"""Of the points on a route [m]."""
+"""Distance between points on a route [m]."""
 
 
 @dataclass(frozen=True, slots=True)
 class ShortestPathRouter:
-    """The shortest path as a route."""
+    """Routes that are the field's exact shortest paths."""
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """The shortest path from the vehicle to the goal; the seed changes nothing.
+        """Find the shortest path from the vehicle to the goal; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs in the plane.

@@ -1,4 +1,4 @@
-"""All segments of a flight optimised together: how far a horizon is from the best chain."""
+"""Optimisation of all segments of a flight together, to measure what a horizon loses."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from planners.whole_path.route_fit import SOLVER
 
 
 def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> Array:
-    """The shortest chain (n, 4, 2) found near a flight, with as many segments.
+    """Shorten a flight: the shortest chain (n, 4, 2) found near it, with as many segments.
 
-    Certified feasible; the flight itself where the search finds nothing shorter.
+    The result is certified feasible; it is the flight itself if no shorter chain is found.
 
     Args:
         control: segments (n, 4, 2) of a feasible flight that ends on the goal.
-        field: what it flies through.
-        limits: what a segment may be.
+        field: where it is flown.
+        limits: bounds on a segment.
 
     Raises:
         ValueError: a control array of another shape, or a flight that does not end on the goal.

@@ -1,7 +1,7 @@
-"""Ferguson chains along a route: knots on it, then all segments optimised together.
+"""Fitting of Ferguson chains to a route: knots on it, then all segments optimised together.
 
-The route gives the way past the obstacles, no more: the chain is the shortest that the optimiser
-finds near it, so that planners are compared by the way they chose and not by their corners.
+The route only determines on which side obstacles are passed: the chain is the shortest that the
+optimiser finds nearby. Planners are thus compared by their choice of path, not by its corners.
 """
 
 from __future__ import annotations
@@ -21,20 +21,23 @@ from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
-"""Length of segments at first [m]; tried one after the other until one leads to a chain."""
+"""Segment lengths of first guesses [m], tried in turn until one leads to a chain."""
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
 def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
-    """The shortest chain (n, 4, 2) found along a route, certified feasible; None without one.
+    """Fit a chain (n, 4, 2) to a route: the shortest found, certified feasible.
 
-    It leaves the vehicle's position with its derivative and ends on the goal.
+    It starts with the vehicle's position and derivative and ends on the goal.
 
     Args:
         points: (m, 2) of the route, from the vehicle to the goal [m].
-        field: what it leads through.
+        field: where the chain is flown.
         vehicle: where the chain starts.
-        limits: what a segment may be.
+        limits: bounds on a segment.
+
+    Returns:
+        None if no feasible chain is found.
     """
     left = limits.segments - vehicle.segments
     if left < 1:
@@ -45,13 +48,13 @@ def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) 
     path = Path(chain)
     if len(chain) == min(math.ceil(path.length / SPACINGS[0]), left):
         return chain
-    # corners of a route must not buy more segments than the way itself calls for
+    # the number of segments must depend on the fitted path, not on the corners of the route
     again = _fit(path.points(), field, vehicle, limits)
     return chain if again is None else again
 
 
 def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
-    """With as many segments as the length of the points calls for, if that leads to a chain."""
+    """Fit a chain with about as many segments as the length of the route needs."""
     whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
     tried: set[int] = set()
     for spacing in SPACINGS:
@@ -62,7 +65,7 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         tried.add(segments)
         window = final_window(field, vehicle, limits, SMOOTH, segments)
         on_route = along_route(vehicle, points, segments, whole)
-        # a guess on a straight line cannot choose a side to be long enough on
+        # a straight guess that is too short has no side to grow to
         for guess in (on_route, *offset_guesses(on_route, SIDE_OFFSET)):
             (end,) = SOLVER.solve(window, [guess])
             if end.feasible:

@@ -1,8 +1,7 @@
-"""Shortcuts through a polyline: the shortest that leads through some of its points.
+"""The shortest clear polyline through some points of another one.
 
-It is found by dynamic programming backwards from the end; nothing shorter leads through the same
-points in their order. Corners stay where points are: no more than a string pulled tight among
-them.
+Dynamic programming backwards from the end finds it. Corners can only be at the given points: the
+result is no shorter than a string pulled tight among the obstacles.
 """
 
 from __future__ import annotations
@@ -15,13 +14,13 @@ from planners.whole_path.line_of_sight import lines_clear
 
 
 def shortcut(scene: Scene, points: Array) -> Array:
-    """The points (m, 2) of the shortest clear polyline through points in their order [m].
+    """The points (m, 2) [m] of the shortest clear polyline through given points in their order.
 
-    It has the same first and last point. All steps of the one given are taken to be clear.
+    The first and the last point are kept.
 
     Args:
-        scene: what can stand in the way.
-        points: (n, 2) of a clear polyline [m], n >= 1.
+        scene: the obstacles.
+        points: (n, 2) of a polyline [m], n >= 1, assumed to be clear.
     """
     n = len(points)
     togo, after = np.zeros(n), np.arange(1, n + 1)

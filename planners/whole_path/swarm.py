@@ -1,8 +1,8 @@
 """Routes by particle swarm and by artificial bee colony: the whole flight as one chain.
 
-Swarms search one after the other, each for a share of the evaluations, until the budget is
-spent; the shortest chain that certification passed is the route. A chain that cuts into a disc
-is none: nothing is repaired afterwards.
+Swarms search one after the other, each for a share of the evaluations, until the budget is used up;
+the route is the shortest chain certified to be clear. A colliding chain counts as a failure; it is
+not repaired.
 
 Reference:
     Kennedy & Eberhart (1995), Particle swarm optimization; Karaboga (2005), An idea based on
@@ -33,25 +33,25 @@ from planners.whole_path.swarm_objective import ChainObjective, Encoding, Penalt
 BUDGET = Evaluations(150_000)
 """About a second."""
 TOLERANCE = 1e-6
-"""Depth [m] that certification passes."""
+"""Depth in obstacles and outside the bounds [m] that certification tolerates."""
 POINTS = 50
-"""Of a route on each segment."""
+"""Number of points of a route on each segment."""
 
 
 class Method(Protocol):
-    """A method of pygmo and its parameters."""
+    """An algorithm of pygmo and its parameters."""
 
     @property
     def size(self) -> int:
-        """How many particles or bees search together."""
+        """Number of particles or bees."""
 
     def algorithm(self, generations: int, seed: int) -> Any:
-        """The algorithm (pygmo.algorithm) that goes on for so many generations when called."""
+        """The pygmo.algorithm that evolves a population for a number of generations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Particles:
-    """Particle swarm; each particle is drawn to its best place and to its neighbours'."""
+    """Particle swarm: each particle is drawn to its own and its neighbours' best positions."""
 
     size: int = 25
 
@@ -68,8 +68,8 @@ class Bees:
 
     size: int = 20
     limit: int = 200
-    """Trials after which a source that did not improve is given up. pygmo counts them anew
-    with each call; in training fields neither that nor a limit of 60 made a difference."""
+    """Trials after which a source without improvement is abandoned. pygmo restarts the count with
+    each call; in training fields neither that nor a limit of 60 made a difference."""
 
     def algorithm(self, generations: int, seed: int) -> Any:
         """The algorithm."""
@@ -89,16 +89,16 @@ class Swarms:
     share: int = 25_000
     """Evaluations of each swarm."""
     generations: int = 50
-    """Between looks at the clock and at the best chain."""
+    """Generations between checks of the budget and of the best chain."""
     closest: float = 0.05
-    """First unknowns are drawn from [-r, r], with log r uniform from this to 1: some chains
-    begin near the straight way."""
+    """Initial unknowns are drawn from [-r, r], log r uniform between the log of this and 0, so that
+    some chains start near the straight line."""
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """The shortest certified chain that any swarm found; None if there was none.
+        """The shortest certified chain that any swarm finds; None if there is none.
 
-        There is none where the goal is further away than the segments left can reach. A budget
-        of evaluations ends with the generations that reach it.
+        No chain is searched for if the goal is out of reach of the remaining segments. A budget of
+        evaluations ends with the generations that reach it.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
@@ -135,7 +135,7 @@ class Swarms:
     def _bests(
         self, objective: ChainObjective, stream: np.random.Generator
     ) -> Iterator[tuple[Array, int]]:
-        """A swarm's best unknowns after some generations, and the evaluations these took."""
+        """Best unknowns of a swarm after each round of generations, and the round's evaluations."""
         import pygmo
 
         problem = pygmo.problem(_Problem(objective))
@@ -160,7 +160,7 @@ class Swarms:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Problem:
-    """The objective as pygmo asks for it."""
+    """The objective in the form of pygmo."""
 
     objective: ChainObjective
 
@@ -179,10 +179,10 @@ def _is_clear(chain: Array, field: Field) -> bool:
 
 
 def particles() -> Swarms:
-    """Particle swarms with the parameters that did best in training fields.
+    """Particle swarms with the best parameters in training fields.
 
-    Where each unknown moves one knot across the way, gaps are a little smaller, but in dense
-    fields a third of the routes are lost.
+    If each unknown moves only one knot sideways, gaps are a little smaller, but in
+    dense fields a third of the routes are lost.
     """
     return Swarms(
         method=Particles(),
@@ -192,7 +192,7 @@ def particles() -> Swarms:
 
 
 def bees() -> Swarms:
-    """Bee colonies with the parameters that did best in training fields.
+    """Bee colonies with the best parameters in training fields.
 
     Bees change one unknown at a time, so that some unknowns must bend the whole chain.
     """

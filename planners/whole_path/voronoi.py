@@ -1,13 +1,14 @@
 """Routes along the Voronoi diagram of the obstacles' centres.
 
-Every disc counts as a point, its centre. The bounds count as points set along them, so that the
-diagram is bounded and leads between the outermost discs and the bounds, too. Edges that enter a
-disc or leave the bounds are taken out. Start and goal are joined to every vertex in sight, and to
-each other if nothing stands between them; to the nearest vertices alone, the outcome would hang
-on how many lie in a corner of the bounds. The shortest way through what is left is the route.
+A disc is represented by its centre, and the bounds by points along them, so that the diagram is
+bounded and has edges between the outermost discs and the bounds. Edges that enter a disc or leave
+the bounds are removed. Start and goal are connected to every visible vertex, and to each other if
+the line between them is clear; if they were connected to the nearest vertices only, results would
+depend on how many vertices lie in a corner of the bounds. The route is the shortest path in this
+graph.
 
-The method does not know radii, and nothing here makes up for that. An edge keeps equal distances
-from two centres, not from two discs: beside a larger disc it collides although there is room.
+The method ignores radii, and so does this implementation. An edge is equally far from two centres,
+not from two discs: beside a larger disc it may collide although there is room.
 
 Reference:
     The paper, section I, on its reference [1] by Beard and McLain.
@@ -32,21 +33,21 @@ from planners.whole_path.line_of_sight import lines_clear, scene_from
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VoronoiEdges:
-    """The shortest way along edges of the diagram that are clear.
+    """Routes along the clear edges of the diagram.
 
     Raises:
         ValueError: a side without points.
     """
 
     per_side: int = 24
-    """Points that stand for each side of the bounds: one every 5 m in the paper's fields."""
+    """Number of points along each side of the bounds: one every 5 m in the paper's fields."""
 
     def __post_init__(self) -> None:
         if self.per_side < 1:
             raise ValueError(f"each side needs at least 1 point, got {self.per_side}")
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
-        """The shortest way from the vehicle to the goal; the seed changes nothing.
+        """Find the shortest route from the vehicle to the goal; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
