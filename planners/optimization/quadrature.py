@@ -1,8 +1,8 @@
 """Segment lengths for optimisers: smooth in the control array, real or complex.
 
 Gauss-Legendre quadrature with a fixed number of nodes. For curves without a near-cusp it
-agrees with the certified length to rounding; where it does not, certification finds out
-and the constraint is corrected (see `planners.optimization.reference.exchange`).
+agrees with the certified length to rounding; elsewhere certification finds the difference and
+the constraint is corrected (see `planners.optimization.reference.exchange`).
 """
 
 from __future__ import annotations

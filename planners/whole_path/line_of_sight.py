@@ -1,4 +1,4 @@
-"""Straight lines through a field: whether anything stands in their way."""
+"""Line of sight: whether straight lines through a field are clear."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 def scene_from(
     field: Field, position: Array, tolerance: float = PAPER_LIMITS.tolerance
 ) -> Scene | None:
-    """What can stand in the way of lines, as a vehicle sees it; None if it is not free itself.
+    """The obstacles and bounds of lines from a vehicle; None if the vehicle itself collides.
 
-    Where the vehicle lies in a disc or outside the bounds by the tolerance, lines may, too: as
-    deep as the vehicle, no deeper. A flight touches what it passes, and must get away again.
+    If the vehicle lies in a disc or outside the bounds within the tolerance, lines may lie as deep
+    as the vehicle, but no deeper: a flight may touch obstacles and must be able to leave them.
 
     Args:
         field: of discs in the plane.
         position: (2,) of the vehicle [m].
-        tolerance: by how much it may lie inside discs or outside the bounds [m].
+        tolerance: depth in discs or outside the bounds up to which the vehicle is free [m].
 
     Raises:
         TypeError: obstacles other than discs in the plane.
@@ -41,13 +41,12 @@ def scene_from(
 def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
     """Whether straight lines enter no disc and stay inside the bounds: (n,).
 
-    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`, the same as that of shortest
-    paths.
+    Exact up to the margin of `ferguson_gym.shortest_paths.tangents`, as shortest paths are.
 
     Args:
-        scene: what can stand in the way.
-        starts: (n, 2), or (2,) for all alike [m].
-        ends: likewise. A line may be of length zero.
+        scene: the obstacles and bounds.
+        starts: (n, 2), or (2,) for all lines [m].
+        ends: likewise. A line may have length zero.
     """
     lines = np.array(np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(ends)), np.float64)
     return _are_clear(scene, lines[0], lines[1])

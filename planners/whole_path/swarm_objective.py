@@ -1,12 +1,12 @@
-"""What swarms minimise: the length of a whole chain, and penalties for what it must not do.
+"""The objective of swarms: the length of a whole chain, plus penalties for violated limits.
 
-The unknowns move knots off the straight way to the goal. They enter the knots linearly,
+The unknowns move knots off the straight line to the goal. They enter the knots linearly,
 
     knots = base + reach x    with x in [-1, 1],
 
 so that an encoding is two arrays. A chain of n segments has 4 n - 2 unknowns: n - 1 knots move
-across the way and along it, and n derivatives stray from those of Catmull and Rom. Where knots
-move across the way by halves, a few unknowns bend the whole chain and the others parts of it.
+across and along the line, and n derivatives deviate from those of Catmull and Rom. Displacements
+across the line are hierarchical: a few unknowns bend the whole chain, and the others parts of it.
 
 Reference:
     The paper, references [9]-[11]: Ferguson splines moved by particle swarms and bee colonies,
@@ -31,18 +31,18 @@ from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 
 CELLS = 32
-"""Along each side of the grid that tells which discs are near a point."""
+"""Cells along each side of the grid that stores which discs are near a point."""
 
 FEWEST = 4
-"""Segments of a chain, as long as they cover `SHORT` each."""
+"""Least number of segments of a chain, as long as each covers `SHORT`."""
 SHORT = 4.0
 """Straight distance [m] that a segment should not fall below."""
 
 
 def by_halves(segments: int) -> Array:
-    """Shapes (n - 1, n - 1) as tents over middle knots, of the whole chain, its halves and so on.
+    """Hierarchical shapes (n - 1, n - 1): tents over the whole chain, its halves and so on.
 
-    A half reaches 1.6 times less far than its whole.
+    The tent over a half is 1.6 times lower than that over the whole.
     """
     knots = np.arange(1, segments)
     shapes: list[Array] = []
@@ -60,19 +60,19 @@ def by_halves(segments: int) -> Array:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Encoding:
-    """Chains around the straight way to the goal; how far unknowns move them."""
+    """How far the unknowns move a chain off the straight line to the goal."""
 
     spacing: float = 10.5
-    """Straight distance that a segment covers at most [m]."""
+    """Greatest straight distance that a segment covers [m]."""
     across: float = 1.0 / 3.0
-    """Greatest offset across the way, in widths of the field."""
+    """Greatest offset across the line, in widths of the field."""
     along: float = 0.5
-    """Greatest offset along the way, in straight distances of a segment."""
+    """Greatest offset along the line, in straight distances of a segment."""
     tangent: float = 0.25
-    """Greatest offset of a derivative's coordinates, in the same."""
+    """Greatest offset of a derivative's coordinates, in straight distances of a segment."""
 
     def segments(self, distance: float) -> int:
-        """How many segments lead over a straight distance [m]; near the goal enough to bend."""
+        """Number of segments for a straight distance [m]; near the goal enough of them to bend."""
         return max(1, min(FEWEST, int(distance / SHORT)), math.ceil(distance / self.spacing))
 
     def arrays(self, field: Field, vehicle: transition.State) -> tuple[Array, Array]:
@@ -101,29 +101,29 @@ class Encoding:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Penalties:
-    """What is added to the length of a chain [m]."""
+    """Penalties, added to the length of a chain [m]."""
 
     depth: float = 30.0
     """For each metre flown inside a disc or outside the bounds, times the depth there [1/m]."""
     inside: float = 3.0
-    """For each such metre, however deep."""
+    """For each such metre, at any depth."""
     length: float = 5.0
     """For each metre by which a segment is too short or too long."""
     margin: float = 0.05
-    """By which discs are larger [m]: between the points looked at, a chain cuts deeper."""
+    """Growth of discs [m], since a chain cuts deeper between its samples."""
     samples: int = 10
-    """Points at which a segment is looked at, its end among them."""
+    """Number of samples of a segment, its end among them."""
 
 
 class Cells(NamedTuple):
-    """Which discs reach into each cell of a grid over the bounds; its border cells are endless."""
+    """The discs that reach into each cell of a grid over the bounds; border cells are unbounded."""
 
     low: Array
     """(2,) least coordinates [m]."""
     size: Array
     """(2,) of a cell [m]."""
     first: NDArray[np.int64]
-    """(CELLS^2 + 1,) where each cell's discs begin."""
+    """(CELLS^2 + 1,) index of each cell's first disc."""
     discs: Array
     """(m, 3) centre and radius [m], by cell, rows of cells one after the other."""
 
@@ -136,7 +136,7 @@ def cells(bounds: Array, centers: Array, radii: Array) -> Cells:
     # how far each centre is from the columns and from the rows of cells (2, CELLS, n)
     nearest = np.clip(centers, edges[:-1, None], edges[1:, None])
     square = np.moveaxis(nearest - centers, -1, 0) ** 2
-    # a hair more, for points that rounding puts into the neighbouring cell
+    # a little more, for points that rounding puts into the neighbouring cell
     reach = (radii * (1.0 + 1e-9) + 1e-9 * size.max()) ** 2
     inside = square[1][:, None] + square[0] <= reach
     first = np.concatenate([[0], np.cumsum(inside.sum(axis=-1).ravel())])
@@ -168,7 +168,7 @@ class ChainObjective:
     reach: Array
     """(4 (n + 1), unknowns)."""
     looks: Array
-    """(samples, 4) weights of the control rows at the points looked at."""
+    """(samples, 4) weights of the control rows at the samples."""
     bounds: Array
     """(2, 2) [m]."""
     cells: Cells
@@ -176,7 +176,7 @@ class ChainObjective:
 
     @property
     def unknowns(self) -> int:
-        """How many numbers are free."""
+        """Number of unknowns."""
         return int(self.reach.shape[1])
 
     def control(self, x: Array) -> Array:
