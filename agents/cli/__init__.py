@@ -1,1 +1,5 @@
-"""The program `ferguson`: one file for each command."""
+"""The program `ferguson`: `main` is its entry point, and each command is a module of its name.
+
+A command's module declares its arguments and checks them; the work is done by the other folders
+of `agents`, which are imported only when the command runs.
+"""

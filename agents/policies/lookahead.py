@@ -1,13 +1,13 @@
-"""An agent that imagines flights before it flies: its own, disturbed a little, and then the best.
+"""An agent that simulates flights before it flies, and flies the shortest that arrives.
 
-The rules of flight are known, and so is the field; so an agent can try what it would do. What is
-imagined is judged as the environment judges flights, so the best imagined flight is the one that
-is flown. Nothing is planned or optimised: without its network there is nothing to imagine.
+The simulated flights are the agent's own, with disturbed actions. The dynamics and the field are
+known exactly, and the simulation judges flights as the environment does, so the chosen flight is
+reproduced exactly. Nothing is planned or optimised: all flights come from the network.
 
 Reference:
     Chua, Calandra, McAllister & Levine (2018), Deep reinforcement learning in a handful of trials
-    using probabilistic dynamics models, NeurIPS 31: trajectories are sampled through a model, and
-    the best begins; here the model is exact and the samples are a policy's.
+    using probabilistic dynamics models, NeurIPS 31, who sample trajectories through a learned
+    model and execute the best; here the model is exact and the samples come from a policy.
 """
 
 from __future__ import annotations
@@ -29,32 +29,32 @@ from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
 
 MOST = 1024
-"""Flights that may be imagined at a time."""
+"""Upper limit of the number of simulated flights."""
 SPREAD, LASTING = 0.05, 0.6
-"""Standard deviation of disturbances of actions in the flight that is disturbed most, and how much
-of a disturbance is left in the next action: what lasts leads other ways. Of several values the
-best, for SPL on standard/train:5000000-5000149."""
+"""Largest standard deviation of the disturbances of actions, and their correlation from one action
+to the next: correlated disturbances explore other ways round obstacles. Of several values these
+gave the highest SPL on standard/train:5000000-5000149."""
 
 Leg: TypeAlias = tuple[Action, Array]
-"""An action (4,), and where it ends (2,) [m]."""
+"""An action (4,), and the end point (2,) of its segment [m]."""
 
 
 class LookaheadPolicy:
-    """A model as a policy that flies the shortest of the flights it imagines.
+    """A model as a policy that flies the shortest of its simulated flights.
 
-    The first is the model's own flight, the others are disturbed. If none arrives, the model's own
-    is flown as far as it goes. Where a flight is not where it was imagined to be, because someone
-    else decided a segment, the rest is simulated again.
+    The first is the model's own flight, the others are disturbed. If no flight arrives, the
+    model's own is flown as far as it goes. In a state other than the simulated one, for example
+    after a shield has replaced a segment, the remaining flight is simulated again.
 
     Raises:
         ValueError: fewer than 2 flights, or more than `MOST`.
     """
 
-    def __init__(self, pilot: NetworkPolicy, tries: int) -> None:
+    def __init__(self, policy: NetworkPolicy, tries: int) -> None:
         if not 2 <= tries <= MOST:
-            raise ValueError(f"an agent imagines 2 to {MOST} flights, got {tries}")
-        self._model, self._tries = pilot.model, tries
-        self._settings = pilot.model.settings
+            raise ValueError(f"an agent simulates 2 to {MOST} flights, got {tries}")
+        self._model, self._tries = policy.model, tries
+        self._settings = policy.model.settings
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field; disturbances are drawn from the seed."""
@@ -63,10 +63,10 @@ class LookaheadPolicy:
         self._expected: tuple[int, Array] | None = None
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
-        """The next action (4,) of the best flight; None if none is left of one that fails."""
-        if self._expected is None or not _there(self._expected, vehicle):
+        """The next action (4,) of the best flight; None at the end of a flight that fails."""
+        if self._expected is None or not _is_at(vehicle, *self._expected):
             stream = np.random.default_rng((self._seed, vehicle.segments))
-            self._ahead = imagine(
+            self._ahead = shortest_rollout(
                 self._model, self._settings, self._field, vehicle, self._tries, stream
             )
         if not self._ahead:
@@ -76,12 +76,11 @@ class LookaheadPolicy:
         return action
 
 
-def _there(expected: tuple[int, Array], vehicle: transition.State) -> bool:
-    segments, position = expected
+def _is_at(vehicle: transition.State, segments: int, position: Array) -> bool:
     return vehicle.segments == segments and np.array_equal(vehicle.position, position)
 
 
-def imagine(
+def shortest_rollout(
     model: Model,
     settings: Settings,
     field: Field,
@@ -89,18 +88,18 @@ def imagine(
     tries: int,
     stream: np.random.Generator,
 ) -> list[Leg]:
-    """The shortest of some flights from a state to the goal.
+    """The shortest of several simulated flights from a state to the goal.
 
     Args:
-        model: flies them.
-        settings: of the environment that the model knows.
-        field: where.
-        vehicle: where they begin.
-        tries: how many.
-        stream: of the disturbances.
+        model: chooses the actions, which are then disturbed.
+        settings: of the environment that the model was trained in.
+        field: the field that is flown.
+        vehicle: initial state.
+        tries: number of flights.
+        stream: draws the disturbances.
 
     Returns:
-        The undisturbed flight, as far as it went, if none arrives.
+        The actions of the flight; if no flight arrives, those of the undisturbed one.
     """
     flights = SimulatedRollouts(field, vehicle, tries, settings)
     spreads = np.linspace(0.0, SPREAD, tries)[:, None]

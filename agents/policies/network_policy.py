@@ -1,4 +1,4 @@
-"""Learned policies that fly in any environment, one flight at a time."""
+"""Learned policies, one flight at a time."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from ferguson_gym.world.field import Field
 
 
 class NetworkPolicy:
-    """A model as a policy (`agents.policies.interface.Policy`); it flies what it thinks best.
+    """A model as a policy (`agents.policies.interface.Policy`) that flies its most likely action.
 
-    It sees what it was trained to see, whatever the environment shows, and flies the very
-    flights that `agents.flights.batched.fly_batch` does. A model of torch keeps it to one thread
-    for good.
+    It writes its own observations with the settings that it was trained with, whatever the
+    environment returns, and flies exactly the flights of `agents.flights.batched.fly_batch`. A
+    torch model limits torch to one thread for the rest of the process.
     """
 
     def __init__(self, model: Model) -> None:
@@ -38,7 +38,7 @@ class NetworkPolicy:
 
 
 def network_policy(directory: Path) -> NetworkPolicy:
-    """The pilot whose model lies in a directory; loaded once in a process, and ready to fly.
+    """The policy of the model in a directory, loaded and compiled once in a process.
 
     Raises:
         ValueError: as `agents.models.loading.load`.
@@ -48,7 +48,7 @@ def network_policy(directory: Path) -> NetworkPolicy:
 
 
 def _stamp(file: Path) -> tuple[int, int]:
-    """Differs when a file was rewritten; nothing where there is none."""
+    """Time of the last change [ns] and size of a file; zeros if there is none."""
     try:
         status = file.stat()
     except OSError:
@@ -59,7 +59,7 @@ def _stamp(file: Path) -> tuple[int, int]:
 @lru_cache(maxsize=8)
 def _ready(directory: Path, *_: tuple[int, int]) -> Model:
     model = loading.load(directory)
-    first = NetworkPolicy(model)  # what is slow the first time is not timed in a flight
+    first = NetworkPolicy(model)  # compiles, so that the first flight is not slower
     first.begin(small_field(), 0)
     first.act({}, transition.initial_state(small_field()))
     return model

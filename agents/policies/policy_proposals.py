@@ -1,4 +1,4 @@
-"""A policy's idea of how to go on: what planners start from."""
+"""Initial guesses for planners from the segments that a policy would fly."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 
 _SEEN = Settings()
-"""The environment's own, in which policies are flown."""
+"""The default settings of the environment, in which policies fly."""
 
 
 class PolicyProposer:
-    """A policy as a proposer of starts: the segments that it would fly, feasible or not."""
+    """Proposes the segments that a policy would fly, feasible or not."""
 
     def __init__(self, policy: Policy, limits: Limits = PAPER_LIMITS) -> None:
         self._policy = policy
@@ -27,11 +27,11 @@ class PolicyProposer:
     def propose(
         self, field: Field, state: transition.State, segments: int, seed: int
     ) -> list[Array]:
-        """The chain (n, 4, 2) that the policy flies from a state; none if it gives up at once.
+        """The chain (n, 4, 2) that the policy flies from a state; empty if it gives up at once.
 
-        It flies through whatever stands in its way, and ends early on the goal or where it gives
-        up. The policy begins again in every state, so that a flight taken up on its way goes on as
-        the whole flight does.
+        Obstacles are ignored; the chain ends early on the goal or where the policy gives up. The
+        policy begins again in every state, so that replanning in the middle of a flight gives the
+        rest of the whole flight.
         """
         self._policy.begin(field, seed)
         chain: list[Array] = []

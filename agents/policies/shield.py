@@ -1,16 +1,16 @@
-"""The shield: an agent flies, and what is doubtful of it a planner decides.
+"""The shield: an agent flies, and a planner replaces its doubtful segments.
 
-Before an agent's segment is flown it is certified as the environment does, and its end must be a
-state from which a feasible segment is known: the agent's own next one, or else the planner's. So
-a flight never enters a state without a certified way on, looked at one segment ahead. An agent
-that loiters is stopped: some segments of a flight may lead no nearer to the goal than it was
-before, and those that are left must always be ample for the planner.
+Before an agent's segment is flown, it is certified as in the environment, and a feasible segment
+must be known from its end: the agent's own next one, or else the planner's. So a flight only
+enters states with a certified next segment. An agent that loiters is stopped: only a few segments
+of a flight may come no nearer to the goal, and the segments left must always suffice for the
+planner.
 
-What is guaranteed: if the planner's flight from every state that was accepted, and from the
-start, arrives with the segments left there, the shielded flight arrives. For every state is
-accepted or lies on the planner's flight from one that was: the planner goes on from its own plan
-as it would alone. What is left over: a planner may find nothing where there is a way on. Then the
-certified segment by which the state was accepted is flown all the same, and counted as unproven.
+Guarantee: if the planner's flight from the start and from every accepted state arrives with the
+segments left there, the shielded flight arrives. Every state is either accepted or lies on the
+planner's flight from an accepted one, because the planner continues its own plan as it would
+alone. Limitation: a planner may find no segment although one exists. Then the certified segment
+by which the state was accepted is flown, and the step is counted as unproven.
 
 Reference:
     Alshiekh, Bloem, Ehlers, Könighofer, Niekum & Topcu (2018), Safe reinforcement learning via
@@ -41,46 +41,46 @@ from planners.receding_horizon.guided import Guided
 from planners.rollout import successor
 
 PATIENCE = 3
-"""Segments of the agent's, in one flight, that need not lead nearer to the goal than it was."""
+"""Number of the agent's segments in one flight that may come no nearer to the goal."""
 PACE = 9.0
-"""Way to the goal that a planner's segment covers at least [m]: on flights of `guided` it is more
-than 10 m, but for the last two segments."""
+"""Least progress towards the goal of a planner's segment [m]; in flights of `guided` all but the
+last two segments exceed 10 m."""
 RESERVE = 4
-"""Segments kept beside those, to turn round and for the last ones, which are shorter."""
+"""Segments kept in addition: for turning round, and for the shorter last segments."""
 _SEEN = Settings()
-"""The environment's own, in which policies are flown."""
+"""The default settings of the environment, in which policies fly."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Proposal:
-    """What the agent would do in a state, certified."""
+    """The agent's certified action in a state."""
 
     vehicle: transition.State
     action: Action | None
     step: transition.Step | None
-    """Where that leads; None if the agent gave up."""
+    """The resulting step; None if the agent gave up."""
 
     @property
     def flies(self) -> bool:
-        """Whether its segment is feasible."""
+        """Whether the agent's segment is feasible."""
         return self.step is not None and self.step.flown
 
 
 class Shield:
-    """A policy under the eyes of a planner.
+    """A policy whose doubtful segments a planner replaces.
 
-    In a flight that nothing disturbs the agent is asked once in each state: what it was asked
-    ahead is flown if the next step is left to it.
+    In a flight without disturbances the agent acts once in each state: an action computed one
+    step ahead is flown if the agent also decides the next step.
     """
 
     def __init__(self, agent: Policy, planner: Replanner | None = None) -> None:
-        """`guided` takes over where no other planner is given."""
+        """Shield an agent; the planner is `guided` by default."""
         self._agent = agent
         self._planner: Replanner = Guided() if planner is None else planner
         self.shield_decisions: list[ShieldDecision] = []
-        """Who decided the steps of this flight so far."""
+        """How each step of the current flight was decided."""
         self.decisions: list[Decision] = []
-        """What was decided in them; the agent's as its segment, and the next if it was asked."""
+        """The decisions themselves; an agent's chain is its segment, and the next one if known."""
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
@@ -88,43 +88,42 @@ class Shield:
         self._field, self._seed = field, seed
         self._last: tuple[State, Array] | None = None
         self._ahead: _Proposal | None = None
-        self._way_on: tuple[transition.State, Decision] | None = None
+        self._next_decision: tuple[transition.State, Decision] | None = None
         self._nearest, self._wasted = math.inf, 0
         self.shield_decisions, self.decisions = [], []
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
-        """The agent's action if it passes the check, else the planner's.
+        """The agent's action if it passes the checks, else the planner's.
 
-        None, which ends the flight, where the planner finds nothing and the agent's segment is
-        not feasible.
+        None ends the flight: the planner finds no segment and the agent's is not feasible.
 
         Raises:
-            TypeError: a field of other obstacles than discs in the plane.
+            TypeError: the field has obstacles other than planar discs.
         """
         began = time.perf_counter()
         state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
         self._measure(vehicle)
         proposal = self._proposal(observation, vehicle)
-        hand = self._hand(state, proposal)
-        if hand is not ShieldDecision.AGENT:
+        how = self._check(state, proposal)
+        if how is not ShieldDecision.AGENT:
             decision = self._decide(state)
             if decision.chain is not None:
                 self._last = state, decision.chain
-                self._note(hand, decision)
+                self._note(how, decision)
                 return encode(decision.chain[0], vehicle.position, vehicle.derivative)
             if not proposal.flies:
                 self._note(ShieldDecision.STUCK, decision)
                 return None
-            hand = ShieldDecision.UNPROVEN
-        flown, meant = self._meant(proposal)
+            how = ShieldDecision.UNPROVEN
+        flown, chain = self._chains(proposal)
         self._last = state, flown
         seconds = time.perf_counter() - began
-        report = WindowReport(step=vehicle.segments, start=hand.label, seconds=seconds)
-        self._note(hand, Decision(meant, report))
+        report = WindowReport(step=vehicle.segments, start=how.label, seconds=seconds)
+        self._note(how, Decision(chain, report))
         return proposal.action
 
     def _measure(self, vehicle: transition.State) -> None:
-        """Note how near to the goal the flight was, and how often the agent led no nearer."""
+        """Update the least distance to the goal, and how often the agent came no nearer."""
         distance = self._distance(vehicle)
         if distance >= self._nearest and self.shield_decisions[-1:] == [ShieldDecision.AGENT]:
             self._wasted += 1
@@ -135,12 +134,12 @@ class Shield:
         (distance,), _ = distance_to_go(self._field)(vehicle.position[None])
         return float(distance)
 
-    def _note(self, hand: ShieldDecision, decision: Decision) -> None:
-        self.shield_decisions.append(hand)
+    def _note(self, how: ShieldDecision, decision: Decision) -> None:
+        self.shield_decisions.append(how)
         self.decisions.append(decision)
 
     def _proposal(self, observation: Observation, vehicle: transition.State) -> _Proposal:
-        """What the agent proposes; it is asked now, or was asked ahead."""
+        """The agent's proposal, computed now or one step ahead."""
         if self._ahead is not None and _same(self._ahead.vehicle, vehicle):
             return self._ahead
         return self._ask(observation, vehicle)
@@ -152,8 +151,8 @@ class Shield:
         step = transition.advance(self._field, vehicle, action, self._planner.limits)
         return _Proposal(vehicle, action, step)
 
-    def _hand(self, state: State, proposal: _Proposal) -> ShieldDecision:
-        """In whose hands a step is."""
+    def _check(self, state: State, proposal: _Proposal) -> ShieldDecision:
+        """Whether the agent decides a step, or why it does not."""
         step = proposal.step
         if step is None:
             return ShieldDecision.GAVE_UP
@@ -168,22 +167,22 @@ class Shield:
         if distance >= self._nearest and self._wasted >= PATIENCE:
             return ShieldDecision.LOITERING
         end = successor(state, step.control[None], step.state)
-        return ShieldDecision.AGENT if self._goes_on(end) else ShieldDecision.NOT_CONTINUABLE
+        return ShieldDecision.AGENT if self._is_continuable(end) else ShieldDecision.NOT_CONTINUABLE
 
-    def _goes_on(self, end: State) -> bool:
-        """Whether a feasible segment is known from a state; the next step uses what was found."""
+    def _is_continuable(self, end: State) -> bool:
+        """Whether a feasible segment is known from a state; it is kept for the next step."""
         self._ahead = self._ask(observe_one(self._field, end.vehicle, _SEEN), end.vehicle)
         return self._ahead.flies or self._decide(end).chain is not None
 
     def _decide(self, state: State) -> Decision:
-        """What the planner decides in a state; it decides now, or did so as a way on."""
-        if self._way_on is None or not _same(self._way_on[0], state.vehicle):
+        """The planner's decision in a state, made now or when the state was checked."""
+        if self._next_decision is None or not _same(self._next_decision[0], state.vehicle):
             decision = self._planner.decide(self._field, state, self._seed)
-            self._way_on = state.vehicle, decision
-        return self._way_on[1]
+            self._next_decision = state.vehicle, decision
+        return self._next_decision[1]
 
-    def _meant(self, proposal: _Proposal) -> tuple[Array, Array]:
-        """The agent's segment (1, 4, 2), and with it the next if that was asked (2, 4, 2)."""
+    def _chains(self, proposal: _Proposal) -> tuple[Array, Array]:
+        """The agent's segment (1, 4, 2); the same with its next segment, if known (2, 4, 2)."""
         assert proposal.step is not None
         step, ahead = proposal.step, self._ahead
         flown = step.control[None]
@@ -195,7 +194,7 @@ class Shield:
 
 
 def _same(one: transition.State, other: transition.State) -> bool:
-    """Whether two states are equal to the bit."""
+    """Whether two states are equal to the last bit."""
     return (
         one.segments == other.segments
         and np.array_equal(one.position, other.position)

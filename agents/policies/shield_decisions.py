@@ -1,4 +1,4 @@
-"""In whose hands each step of a shielded flight was, and why."""
+"""Which of the agent and the planner decided each step of a shielded flight, and why."""
 
 from __future__ import annotations
 
@@ -7,24 +7,30 @@ from enum import Enum
 
 
 class ShieldDecision(Enum):
-    """Who decided a step: the agent, or the planner and why. Labels are stable."""
+    """How a step was decided: by the agent, or by the planner for a reason."""
 
     AGENT = ("agent", "left to the agent")
     INFEASIBLE = ("infeasible", "the agent's segment was not feasible")
-    NOT_CONTINUABLE = ("not_continuable", "no way on was known from the end of its segment")
-    RUNNING_OUT = ("running_out", "its segment would have left too few to reach the goal")
-    LOITERING = ("loitering", "it led no nearer to the goal, again")
-    GAVE_UP = ("gave_up", "it found no segment itself")
-    UNPROVEN = ("unproven", "it was doubtful, yet flown: the planner found nothing either")
-    STUCK = ("stuck", "neither had anything feasible, and the flight ended")
+    NOT_CONTINUABLE = (
+        "not_continuable",
+        "no feasible segment was known from the end of its segment",
+    )
+    RUNNING_OUT = ("running_out", "its segment would have left too few segments to reach the goal")
+    LOITERING = ("loitering", "it repeatedly came no nearer to the goal")
+    GAVE_UP = ("gave_up", "it gave up")
+    UNPROVEN = (
+        "unproven",
+        "its segment failed a check but was flown, since the planner found none",
+    )
+    STUCK = ("stuck", "neither found a feasible segment, and the flight ended")
 
     def __init__(self, label: str, sentence: str) -> None:
         self.label = label
-        """Stable name, as in files."""
+        """Stable name, used in files."""
         self.sentence = sentence
-        """What people are shown."""
+        """Description shown to users."""
 
 
-def share_handed_over(hands: Sequence[ShieldDecision]) -> float:
-    """Share of steps, at least one, that were not left to the agent."""
-    return sum(hand is not ShieldDecision.AGENT for hand in hands) / len(hands)
+def share_handed_over(decisions: Sequence[ShieldDecision]) -> float:
+    """Share of steps that the agent did not decide; at least one step is needed."""
+    return sum(one is not ShieldDecision.AGENT for one in decisions) / len(decisions)

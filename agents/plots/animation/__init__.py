@@ -1,1 +1,1 @@
-"""Animations of flights."""
+"""A flight as a GIF: `frames` decides what each frame shows, `animation` draws, `gif` encodes."""

@@ -1,4 +1,4 @@
-"""Agents that imagine flights, on a network that flies straight at the goal."""
+"""Agents that simulate flights, with a network that flies straight at the goal."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def flown(policy: Any, seed: int = 0) -> list[Flight]:
     return [fly(policy, field, seed) for field in FIELDS]
 
 
-def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -> None:
+def test_lookahead_arrives_more_often_and_never_by_a_longer_path() -> None:
     alone, imagined = flown(PILOT), flown(LookaheadPolicy(PILOT, 24))
     assert 0 < sum(one.success for one in alone) < sum(one.success for one in imagined)
     for own, best in zip(alone, imagined, strict=True):
@@ -65,7 +65,7 @@ def test_an_agent_that_imagines_arrives_more_often_and_never_by_a_longer_way() -
             assert best.length <= own.length + 1e-9
 
 
-def test_a_seed_decides_what_is_imagined() -> None:
+def test_the_seed_determines_the_simulated_flights() -> None:
     first, again, other = (flown(LookaheadPolicy(PILOT, 8), seed) for seed in (0, 0, 1))
     for one_, same in zip(first, again, strict=True):
         np.testing.assert_array_equal(one_.control, same.control)
@@ -75,14 +75,14 @@ def test_a_seed_decides_what_is_imagined() -> None:
     )
 
 
-def test_where_nothing_arrives_its_own_flight_is_flown() -> None:
+def test_the_undisturbed_flight_is_flown_if_no_flight_arrives() -> None:
     field = Field(name="a wall", obstacles=Discs(np.array([[50.0, 50.0]]), np.array([30.0])))
     own, imagined = fly(PILOT, field, 0), fly(LookaheadPolicy(PILOT, 2), field, 0)
     assert own.outcome is imagined.outcome is Outcome.COLLISION
     np.testing.assert_array_equal(own.control, imagined.control)
 
 
-def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
+def test_the_rest_is_simulated_again_from_an_unexpected_state() -> None:
     field = get_field("sparse/train:3")
     agent = LookaheadPolicy(PILOT, 8)
     agent.begin(field, 0)
@@ -101,11 +101,11 @@ def test_moved_elsewhere_it_imagines_the_rest_anew() -> None:
 
 
 @pytest.mark.parametrize("tries", [0, 1, MOST + 1])
-def test_a_number_of_flights_that_makes_no_sense_is_refused(tries: int) -> None:
-    with pytest.raises(ValueError, match=f"imagines 2 to {MOST} flights, got {tries}"):
+def test_a_number_of_flights_out_of_range_is_an_error(tries: int) -> None:
+    with pytest.raises(ValueError, match=f"simulates 2 to {MOST} flights, got {tries}"):
         LookaheadPolicy(PILOT, tries)
 
 
-def test_names_that_make_no_sense_are_refused() -> None:
+def test_an_unknown_agent_with_tries_is_an_error() -> None:
     with pytest.raises(ValueError, match="unknown policy"):
         make_policy("nobody+tries=8")

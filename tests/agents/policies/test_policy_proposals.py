@@ -1,4 +1,4 @@
-"""Starts from a policy's proposals: polished, certified, and as good as none where they fail."""
+"""Starts from a policy's proposals: polished and certified, and harmless where they fail."""
 
 import json
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def noisy(planner: RecedingHorizon) -> RecedingHorizon:
     return replace(planner, proposer=PolicyProposer(Noisy()))
 
 
-def test_proposals_are_what_the_policy_would_fly() -> None:
+def test_a_proposal_is_the_policy_s_flight() -> None:
     plan = make("guided").plan(FIELD, initial_state(FIELD), 0)
     proposals = PolicyProposer(make_policy("guided"))
     (chain,) = proposals.propose(FIELD, transition.initial_state(FIELD), 3, 0)
@@ -53,7 +53,7 @@ def test_proposals_are_what_the_policy_would_fly() -> None:
     np.testing.assert_array_equal(chain[-1, 1], FIELD.goal)
 
 
-def test_proposals_go_through_what_stands_in_the_way_and_may_be_none() -> None:
+def test_proposals_ignore_obstacles_and_may_be_empty() -> None:
     wall = Field(name="wall", obstacles=Discs([[12.0, 12.0]], [6.0]))
     (chain,) = PolicyProposer(Straight()).propose(wall, transition.initial_state(wall), 3, 0)
     assert len(chain) == 3
@@ -133,7 +133,7 @@ def test_options_reach_the_planner_inside() -> None:
         ("multi-start+from=", "unknown policy ''"),
     ],
 )
-def test_names_that_make_no_sense_are_refused(name: str, told: str) -> None:
+def test_proposers_that_do_not_fit_are_an_error(name: str, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         make_policy(name)
 

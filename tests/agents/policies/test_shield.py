@@ -1,4 +1,4 @@
-"""The shield: flights that arrive with any policy, and an account of who did."""
+"""The shield: flights that arrive with any agent, and a record of how steps were decided."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def states(flown: Flight) -> list[transition.State]:
 
 @pytest.mark.parametrize("agent", AGENTS)
 @pytest.mark.parametrize("spec", ["standard/train:0-1", "traps/train:0-1"])
-def test_whoever_flies_arrives(agent: str, spec: str) -> None:
+def test_any_shielded_agent_arrives(agent: str, spec: str) -> None:
     for field in get_fields(spec):
         flown = shielded(AGENTS[agent](), field)
         assert flown.outcome is Outcome.GOAL_REACHED
@@ -87,7 +87,7 @@ def test_from_every_accepted_state_the_planner_arrives(agent: str) -> None:
         assert planner.plan(field, State(state), 0).success
 
 
-def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state() -> None:
+def test_an_accepted_flight_is_the_agent_s_own_and_it_acts_once_in_each_state() -> None:
     field = get_field("sparse/train:0")
     alone, under = (fly(name, field, 0) for name in ("guided", "guided+shield"))
     np.testing.assert_array_equal(under.control, alone.control)
@@ -102,7 +102,7 @@ def test_a_flight_without_doubt_is_the_agents_own_and_asks_it_once_in_each_state
     ("agent", "hand"),
     [(Always(), ShieldDecision.GAVE_UP), (Always(*COLLIDING), ShieldDecision.INFEASIBLE)],
 )
-def test_an_agent_of_no_use_leaves_the_planners_own_flight(
+def test_with_a_useless_agent_the_flight_is_the_planner_s(
     agent: Always, hand: ShieldDecision
 ) -> None:
     field = get_field("traps/train:0")
@@ -112,13 +112,13 @@ def test_an_agent_of_no_use_leaves_the_planners_own_flight(
     assert share_handed_over(flown.shield_decisions) == 1.0
 
 
-def test_a_segment_that_leads_nowhere_is_handed_over_before_it_is_flown() -> None:
+def test_a_segment_into_a_dead_end_is_replaced() -> None:
     flown = shielded(Straight(), HEAD_ON)
     assert flown.shield_decisions[0] is ShieldDecision.NOT_CONTINUABLE
     assert flown.success
 
 
-def test_an_agent_may_waste_a_few_segments_but_not_circle() -> None:
+def test_a_circling_agent_is_stopped() -> None:
     flown = shielded(Always(*CIRCLING), OPEN)
     assert ShieldDecision.LOITERING in flown.shield_decisions
     to_go, _ = distance_to_go(OPEN)(np.array([s.position for s in states(flown)]))
@@ -127,7 +127,7 @@ def test_an_agent_may_waste_a_few_segments_but_not_circle() -> None:
     assert (agents & (to_go[1:] >= nearest[:-1])).sum() == PATIENCE
 
 
-def test_an_agent_that_creeps_leaves_segments_enough_to_arrive() -> None:
+def test_short_segments_leave_enough_segments_to_arrive() -> None:
     flown = shielded(Straight(stride=3.2), OPEN)
     assert flown.success
     assert ShieldDecision.RUNNING_OUT in flown.shield_decisions
@@ -135,14 +135,14 @@ def test_an_agent_that_creeps_leaves_segments_enough_to_arrive() -> None:
     assert len(flown.control) <= PAPER_LIMITS.segments
 
 
-def test_what_the_planner_cannot_better_is_flown_and_counted_as_unproven() -> None:
+def test_a_segment_without_an_alternative_is_flown_and_counted_as_unproven() -> None:
     flown = fly(Shield(Straight(), Never()), HEAD_ON, 0, name="unproven")
     assert flown.shield_decisions == [ShieldDecision.UNPROVEN, ShieldDecision.STUCK]
     assert flown.outcome is Outcome.GAVE_UP
     assert len(flown.control) == 1
 
 
-def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
+def test_after_a_disturbance_the_agent_acts_again() -> None:
     agent = Straight()
     shield, env = Shield(agent), ObstacleField(fields=1)
     seen, _ = env.reset(seed=0, options={"field": OPEN})
@@ -155,7 +155,7 @@ def test_a_disturbed_vehicle_has_the_agent_asked_again() -> None:
     np.testing.assert_array_equal(action, agent.act(seen, elsewhere))
 
 
-def test_what_happened_is_told_in_a_table() -> None:
+def test_shield_decisions_are_summarised_in_a_table() -> None:
     flown = [shielded(Always(*CIRCLING), OPEN), fly("guided", OPEN, 0)]
     told = summary.shields(flown)
     assert told[0]["steps"] == len(flown[0].shield_decisions)
@@ -174,6 +174,6 @@ def test_what_happened_is_told_in_a_table() -> None:
         ("guided+shield+shield", "'guided\\+shield' has a shield already"),
     ],
 )
-def test_shields_that_make_no_sense_are_refused(name: str, told: str) -> None:
+def test_shields_that_do_not_fit_are_an_error(name: str, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         make_policy(name)
