@@ -1,22 +1,23 @@
-"""`ferguson animate`: what it is asked, and the input checked."""
+"""`ferguson animate`: its arguments and checks."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from agents.cli.arguments import add_output_options, seed
-from agents.cli.completion import FILE, ONE_FIELD, PLANNER, completes
+from agents.cli.completion import FILE, completes
+from agents.cli.shared_options import add_field, add_output_options, add_planner, add_seed
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.transition import initial_state
 from planners.registry import PLANNERS
 
-HELP = "show a flight as it is decided, a GIF"
+HELP = "animate a planner's flight as a GIF"
 DESCRIPTION = """\
-Fly a planner through one field and write a GIF: in each window the first guesses, the plan that
-came of them, what it sees and the way left behind it, then the segment that is flown."""
+Fly a planner through one field and write a GIF. For each planning window it shows the initial
+guesses, the resulting plan with the obstacles in its range and the shortest path onward, and then
+the segment that is flown."""
 EPILOG = """\
 examples:
   ferguson animate paper:3 --policy guided --out flight.gif
@@ -24,37 +25,25 @@ examples:
 
 
 def add_to(animate: argparse.ArgumentParser) -> None:
-    """Give the command its arguments."""
+    """Add the arguments."""
+    add_field(animate)
+    add_planner(animate, "--policy", required=True)
     completes(
         animate.add_argument(
-            "field", metavar="FIELD", help="for example paper:1, standard/test:7 or my_field.json"
+            "--out", type=Path, required=True, metavar="FILE", help="the GIF to write"
         ),
-        ONE_FIELD,
+        FILE,
     )
-    completes(
-        animate.add_argument(
-            "--policy",
-            required=True,
-            metavar="NAME",
-            help=f"one of {', '.join(PLANNERS)}, with options or without",
-        ),
-        PLANNER,
-    )
-    completes(
-        animate.add_argument("--out", type=Path, required=True, metavar="FILE", help="a .gif"), FILE
-    )
-    animate.add_argument(
-        "--seed", type=seed, default=0, metavar="N", help="of the policy; default: 0"
-    )
+    add_seed(animate, "seed of the policy")
     add_output_options(animate)
     animate.set_defaults(prepare=prepare)
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Check the input before anything is flown.
+    """Check the input before the flight.
 
     Raises:
-        ValueError: a policy, a field or a file that cannot be.
+        ValueError: the policy, the field or the file is not valid.
     """
     from agents.cli.compile_notice import announce_compilation
     from agents.flights.flight import fly
@@ -64,7 +53,7 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.policies.registry import make_policy
     from agents.policies.spec import PolicySpec
 
-    make_policy(options.policy)  # refuses unknown names
+    make_policy(options.policy)  # raises for unknown names
     if not PolicySpec.parse(options.policy).is_planner:
         raise ValueError(
             f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "

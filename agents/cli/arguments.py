@@ -1,4 +1,4 @@
-"""Arguments of the command line: how they are parsed, explained, and checked before work starts."""
+"""The argument parser, the types of arguments, and checks before work starts."""
 
 from __future__ import annotations
 
@@ -20,13 +20,11 @@ from ferguson_gym.world.suites import LAST_SEED
 
 BAD_INPUT = 2
 _LONG = 400
-"""Characters of a message that are shown at its beginning, and at its end."""
-GOES_ON = "ferguson: the same command goes on where this one stopped"
-"""Printed after an interruption."""
+"""Characters shown of the beginning and of the end of a message that is too long."""
 
 
 class _Help(argparse.HelpFormatter):
-    """Paragraphs are filled, lines that begin with a space stay as they are, names stay whole."""
+    """Fills paragraphs, keeps lines that begin with a space, and breaks no word at a hyphen."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines: list[str] = []
@@ -40,20 +38,23 @@ class _Help(argparse.HelpFormatter):
 
 
 class Parser(argparse.ArgumentParser):
-    """A command, or a group of them; what it refuses it says in one line."""
+    """The parser of a command or of a group of commands; its errors are one line."""
 
     def __init__(self, *given: Any, **options: Any) -> None:
-        """As its base; options have one name, and help keeps the lines of examples."""
+        """As the base class, without abbreviated options, and with examples kept in help texts."""
         options.setdefault("allow_abbrev", False)
         options.setdefault("formatter_class", _Help)
         super().__init__(*given, **options)
 
     def error(self, message: str) -> NoReturn:
-        """Say what was wrong, and where to read what would be right."""
-        self.exit(BAD_INPUT, f"{self.prog}: {shortened(message)} (see {self.prog} --help)\n")
+        """Exit with a message and a pointer to the help text."""
+        self.exit(BAD_INPUT, f"{self.prog}: {truncate_message(message)} (see {self.prog} --help)\n")
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """As its base; but a group without a command shows its help, and nothing is left over."""
+        """As the base class, but unknown arguments are an error of the command itself.
+
+        A group without a command prints its help.
+        """
         given = sys.argv[1:] if args is None else list(args)
         commands = self._commands()
         if commands is not None and not given:
@@ -79,30 +80,14 @@ class Parser(argparse.ArgumentParser):
             )
 
 
-def shortened(message: str) -> str:
-    """A message in one line; where it repeats something endless, without the middle."""
+def truncate_message(message: str) -> str:
+    """A message as one line, without its middle if it is too long."""
     line = " ".join(message.split())
     return line if len(line) <= 2 * _LONG else f"{line[:_LONG]} ... {line[-_LONG:]}"
 
 
-def add_output_options(command: argparse.ArgumentParser) -> None:
-    """Give a command the options on how it speaks."""
-    command.add_argument(
-        "-q",
-        "--quiet",
-        action="store_true",
-        help="tell results, warnings and errors, no progress and no notes",
-    )
-    command.add_argument(
-        "--no-color",
-        dest="colour",
-        action="store_false",
-        help="no colours; NO_COLOR in the environment asks for the same",
-    )
-
-
 def seed(text: str) -> int:
-    """A number from 0 on."""
+    """A whole number from 0."""
     if re.fullmatch(r"[0-9]+", text) is None:
         raise argparse.ArgumentTypeError(f"a seed is a whole number from 0 on, got {text!r}")
     return _within(text)
@@ -128,7 +113,7 @@ def seeds(text: str) -> range:
 
 
 MOST_WORKERS = 1024
-"""Processes, or threads, that can be asked for."""
+"""Upper limit of the number of processes or threads."""
 
 
 def workers(text: str) -> int:
@@ -139,20 +124,20 @@ def workers(text: str) -> int:
 
 
 def positive(text: str) -> int:
-    """A number from 1 on."""
+    """A whole number from 1."""
     if re.fullmatch(r"0*[1-9][0-9]{0,17}", text) is None:
         raise argparse.ArgumentTypeError(f"need a whole number from 1 on, got {text!r}")
     return int(text)
 
 
 def duration(text: str) -> float:
-    """Seconds, more than none."""
-    return _above_none(text, "seconds")
+    """A positive number of seconds."""
+    return _above_zero(text, "seconds")
 
 
 def minutes(text: str) -> float:
-    """Minutes, more than none."""
-    return _above_none(text, "minutes")
+    """A positive number of minutes."""
+    return _above_zero(text, "minutes")
 
 
 def metres(text: str) -> float:
@@ -163,7 +148,7 @@ def metres(text: str) -> float:
         raise argparse.ArgumentTypeError(f"need a number of metres, got {text!r}") from None
 
 
-def _above_none(text: str, what: str) -> float:
+def _above_zero(text: str, what: str) -> float:
     try:
         number = float(text)
     except ValueError:
@@ -174,18 +159,18 @@ def _above_none(text: str, what: str) -> float:
 
 
 def directory(text: str) -> Path:
-    """The path of a directory, there or not."""
+    """The path of a directory, which need not exist."""
     if not text or "\0" in text:
         raise argparse.ArgumentTypeError(f"need the path of a directory, got {text!r}")
     return Path(text)
 
 
 def check_directory(out: Path) -> None:
-    """Refuse a place for results that is a file or below one, or where nothing can be written.
+    """Check that a directory of results exists or can be made, and can be written to.
 
     Raises:
-        ValueError: it is.
-        OSError: a name that cannot be one, as it is too long.
+        ValueError: the path is that of a file or below one, or cannot be written to.
+        OSError: the file system allows no such name, for example a longer one than it can hold.
     """
     for place in (out, *out.parents):
         if os.path.lexists(place) and not place.is_dir():
@@ -201,44 +186,44 @@ def check_directory(out: Path) -> None:
 def check_number(
     specs: Sequence[str], most: int, seeds: range = range(1), policies: int = 1
 ) -> None:
-    """Refuse more flights than anybody can mean, before a list of them is made.
+    """Check the number of flights before a list of them is made.
 
     Args:
-        specs: of fields.
-        most: flights.
-        seeds: with each of which every policy flies every field.
-        policies: number of them.
+        specs: names of fields, ranges included.
+        most: upper limit of the number of flights.
+        seeds: policy seeds.
+        policies: number of policies.
 
     Raises:
-        ValueError: there are more.
+        ValueError: there are more flights than the limit.
     """
     fields = sum(_size(_numbers(spec)) for spec in specs)
     if (flights := fields * _size(seeds) * policies) > most:
         raise ValueError(
-            f"at most {most} flights can be asked for at once, got {flights}: fields "
+            f"at most {most} flights can be requested at once, got {flights}: fields "
             f"{', '.join(specs)}, {_size(seeds)} x seeds, {policies} x policies"
         )
 
 
 def _size(numbers: range) -> int:
-    return numbers.stop - numbers.start  # a length may be too great for len()
+    return numbers.stop - numbers.start  # the length may be too great for len()
 
 
 def _numbers(spec: str) -> range:
     try:
         return family(spec)[1]
-    except ValueError:  # files, which nobody has so many of, or what is refused elsewhere
+    except ValueError:  # files, or names that are refused elsewhere
         return range(1)
 
 
 def refuse_twice(what: str, names: Sequence[str]) -> None:
-    """Refuse names that repeat.
+    """Check that no name is repeated.
 
     Raises:
-        ValueError: one does.
+        ValueError: a name is repeated.
     """
     known: set[str] = set()
     for name in names:
         if name in known:
-            raise ValueError(f"{what} {name} is named twice")
+            raise ValueError(f"{what} {name} is given twice")
         known.add(name)

@@ -1,4 +1,4 @@
-"""Tells that code is being compiled, where a command would else seem to stand still."""
+"""Announces first-run compilation, during which a command would seem to hang."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from agents.runtime.terminal import COMPILING, Terminal
 
 
 class _First(event.Listener):
-    """Hears of the first compilation; what an earlier run has compiled causes none."""
+    """Notes the first compilation; loading code that is compiled already is no event."""
 
     def __init__(self, terminal: Terminal) -> None:
         self._terminal: Terminal | None = terminal
@@ -27,6 +27,6 @@ class _First(event.Listener):
 
 @contextmanager
 def announce_compilation(terminal: Terminal) -> Iterator[None]:
-    """Note it once, if the block sets about to compile in this process and shows no bar."""
+    """Print one note if the block compiles in this process; for blocks without a progress bar."""
     with event.install_listener("numba:compile", _First(terminal)):
         yield

@@ -1,4 +1,4 @@
-"""What a shell completes: policies, planners, fields and files after their options."""
+"""Shell completion of policies, planners, fields and files."""
 
 from __future__ import annotations
 
@@ -14,30 +14,30 @@ from ferguson_gym.world.suites import SPLITS, SUITES
 from planners.registry import PLANNERS
 
 Words = Mapping[str, Any] | str
-"""What completes an argument, by shell; those that are not named here complete nothing."""
+"""Completion of an argument, by shell; shells that are missing complete nothing."""
 FILE: Words = "file"
 DIRECTORY: Words = "directory"
 
 
 def _words(name: str, words: Iterable[str], also: str) -> Words:
-    """Words, and files or directories.
+    """Completion by words, and perhaps by files or directories.
 
     Args:
-        name: of the function that completes them.
-        words: without characters that mean anything to a shell.
-        also: `f` for files, `d` for directories, or neither.
+        name: of the shell function.
+        words: without characters that are special to a shell.
+        also: `f` for files, `d` for directories, or empty.
     """
-    told = " ".join(words)
+    choices = " ".join(words)
     files = {"f": "_files", "d": "_files -/"}.get(also, "true")
-    mine = f'compgen -W "{told}" -- "$1"'
+    function = f'compgen -W "{choices}" -- "$1"'
     if also:
-        mine += f'; compgen -{also} -- "$1"'
+        function += f'; compgen -{also} -- "$1"'
     return {
         "bash": name,
         "zsh": name,
         "preamble": {
-            "bash": f"{name}() {{ {mine}; }}",
-            "zsh": f"{name}() {{ compadd -- {told}; {files} }}",
+            "bash": f"{name}() {{ {function}; }}",
+            "zsh": f"{name}() {{ compadd -- {choices}; {files} }}",
         },
     }
 
@@ -51,18 +51,18 @@ FIELDS = _words("_ferguson_fields", ["paper:1-4", *(f"{name}:0-9" for name in _D
 
 
 def completes(argument: argparse.Action, words: Words) -> None:
-    """Say what completes an argument."""
+    """Set the completion of an argument."""
     argument.complete = words  # type: ignore[attr-defined]
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:
-    """Give the program the option that prints a shell's completion script."""
+    """Add the option that prints a shell's completion script."""
     parser.add_argument(
         "--print-completion",
         choices=shtab.SUPPORTED_SHELLS,
         action=_Print,
         metavar="SHELL",
-        help="print a script that completes commands, options and names; for "
+        help="print a shell script that completes commands, options and names; for "
         f"{', '.join(shtab.SUPPORTED_SHELLS)}",
     )
 

@@ -1,4 +1,4 @@
-"""`ferguson demos`: what it is asked, and the input checked."""
+"""`ferguson demos`: its arguments and checks."""
 
 from __future__ import annotations
 
@@ -6,20 +6,26 @@ import argparse
 import json
 import sys
 
-from agents.cli.arguments import GOES_ON, add_output_options, check_number, positive, workers
-from agents.cli.completion import FIELDS, PLANNER, completes
+from agents.cli.arguments import check_number, positive
+from agents.cli.shared_options import (
+    RESUME_NOTE,
+    add_fields,
+    add_json,
+    add_observation,
+    add_output_options,
+    add_planner,
+    add_workers,
+)
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.simulation.observations import KINDS
-from planners.registry import OPTIONS, PLANNERS
 
 NO_DEMONSTRATIONS = 1
-HELP = "record an expert's flights"
+HELP = "record a planner's flights as a dataset"
 DESCRIPTION = f"""\
 Fly a planner through fields in the environment and write its flights as a Minari dataset. Failed
-flights are left out and counted. Interrupted, the same command goes on. Exit status 1: no flight
-succeeded. Minari: {installing("demos")}"""
+flights are left out and counted. After an interruption the same command resumes. Exit status 1: no
+flight succeeded. To install Minari: {installing("demos")}"""
 EPILOG = """\
 examples:
   ferguson demos --expert guided --fields standard/train:0-999 \\
@@ -29,67 +35,40 @@ examples:
 
 
 def add_to(demos: argparse.ArgumentParser) -> None:
-    """Give the command its arguments."""
-    completes(
-        demos.add_argument(
-            "--expert",
-            required=True,
-            metavar="NAME",
-            help=f"a planner ({', '.join(PLANNERS)}), with options {OPTIONS}",
-        ),
-        PLANNER,
-    )
-    completes(
-        demos.add_argument(
-            "--fields",
-            action="append",
-            required=True,
-            metavar="SPEC",
-            help="for example standard/train:0-999; may be given several times; no files",
-        ),
-        FIELDS,
-    )
+    """Add the arguments."""
+    add_planner(demos, "--expert", required=True)
+    add_fields(demos, "fields to fly, for example standard/train:0-999; no files")
     demos.add_argument(
         "--out",
         required=True,
         metavar="DATASET_ID",
-        help="for example ferguson/guided-v0; lies below MINARI_DATASETS_PATH, if that is set",
+        help="id of the dataset, for example ferguson/guided-v0; it is written below "
+        "MINARI_DATASETS_PATH, if that is set",
     )
+    add_observation(demos)
     demos.add_argument(
-        "--observation",
-        choices=KINDS,
-        default=KINDS[0],
-        metavar="KIND",
-        help=f"as recorded: {', '.join(KINDS)}; default: %(default)s",
+        "--nearest", type=positive, metavar="N", help="number of observed obstacles; default: 12"
     )
-    demos.add_argument(
-        "--nearest", type=positive, metavar="N", help="obstacles that are seen; default: 12"
-    )
-    demos.add_argument("--rays", type=positive, metavar="N", help="rays that are cast; default: 64")
-    demos.add_argument(
-        "--workers", type=workers, default=1, metavar="N", help="worker processes; default: 1"
-    )
+    demos.add_argument("--rays", type=positive, metavar="N", help="number of rays; default: 64")
+    add_workers(demos)
     demos.add_argument(
         "--fresh",
         action="store_true",
-        help="replace a dataset of this id, and another's unfinished work in its place",
+        help="replace a dataset of this id, or the unfinished work of another request",
     )
-    demos.add_argument(
-        "--json", action="store_true", help="print one JSON object on what came out, nothing else"
-    )
+    add_json(demos, "print only one JSON object with the numbers of flights")
     add_output_options(demos)
     demos.set_defaults(prepare=prepare)
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Check the input before anything is flown.
+    """Check the input before the flights.
 
     Raises:
-        ValueError: an expert, fields, an environment or a dataset that cannot be; another
-            request's work in the way.
+        ValueError: the expert, fields, environment or dataset is not valid, or the unfinished work
+            of another request is in the way.
     """
-    from agents.demonstrations import recording as making
-    from agents.demonstrations import work
+    from agents.demonstrations import recording, work
     from agents.demonstrations.episode import make_environment
     from agents.demonstrations.minari_store import place_of
     from agents.policies.registry import make_policy
@@ -109,20 +88,20 @@ def prepare(options: argparse.Namespace) -> Job:
                 f"there is a dataset {options.out} at {place}; choose another id, or replace it "
                 "with --fresh"
             )
-        work.open_store(making.work_place(place), request).holds_work()
+        work.open_store(recording.work_place(place), request).holds_work()
 
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
         try:
-            tally = making.make(
+            tally = recording.make(
                 request, options.out, place, options.workers, options.fresh, terminal
             )
         except KeyboardInterrupt:
-            terminal.note(GOES_ON)
+            terminal.note(RESUME_NOTE)
             raise
-        told = {"dataset": options.out, "place": str(place), **tally.as_json()}
-        terminal.show_json(json.dumps(told))
+        report = {"dataset": options.out, "place": str(place), **tally.as_json()}
+        terminal.show_json(json.dumps(report))
         if not tally.flights:
             sys.stderr.write(f"ferguson: no demonstrations: {tally.sentence()}\n")
             return NO_DEMONSTRATIONS

@@ -1,4 +1,4 @@
-"""`ferguson evaluate`: what it is asked, and the input checked."""
+"""`ferguson evaluate`: its arguments and checks."""
 
 from __future__ import annotations
 
@@ -6,17 +6,21 @@ import argparse
 import shlex
 
 from agents.cli.arguments import (
-    GOES_ON,
-    add_output_options,
     check_directory,
     check_number,
-    directory,
     positive,
     refuse_twice,
     seeds,
     workers,
 )
-from agents.cli.completion import DIRECTORY, FIELDS, POLICY, completes
+from agents.cli.completion import POLICY, completes
+from agents.cli.shared_options import (
+    RESUME_NOTE,
+    add_fields,
+    add_json,
+    add_out,
+    add_output_options,
+)
 from agents.models.shipped_agents import shipped
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
@@ -27,13 +31,13 @@ from ferguson_gym.world.transition import initial_state
 from planners.registry import PLANNERS
 
 MOST = 10_000_000
-"""Flights of one evaluation."""
-HELP = "fly policies through the same fields"
+"""Upper limit of the flights of one evaluation."""
+HELP = "fly policies through the same fields and compare them"
 DESCRIPTION = """\
-Fly every policy through the same fields in the environment; print the tables and write flights.csv,
-timings.csv, paths.npz, summary.json, pictures and report.html. Exit status 0 also when flights
-fail. Interrupted, the same command goes on; where the results are there already, it flies nothing
-and shows them."""
+Fly every policy through the same fields in the environment; print tables and write flights.csv,
+timings.csv, paths.npz, summary.json, figures and report.html. Failed flights do not change the exit
+status, which is 0. After an interruption the same command resumes; if the results are complete, it
+only prints them again."""
 EPILOG = f"""\
 policies:
   planners    {", ".join(list(PLANNERS)[:6])},
@@ -41,10 +45,10 @@ policies:
   options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
               NAME+sensing=METRES, or several; single-start and multi-start
               with +from=POLICY start from what that policy would fly
-  agents      {", ".join(shipped()) or "none are shipped"}, or the directory of a trained one;
-              AGENT+tries=N imagines N flights and flies the shortest
-  +shield     ends the name of any policy that decides step by step:
-              guided takes over doubtful steps
+  agents      {", ".join(shipped()) or "no shipped ones"}, or the directory of a trained one;
+              AGENT+tries=N simulates N flights and flies the shortest
+  +shield     at the end of the name of a policy that decides step by step:
+              guided replaces its doubtful segments
 
 examples:
   ferguson evaluate --policy multi-start --fields paper:1-4 --seeds 0-9 \\
@@ -56,70 +60,55 @@ examples:
 
 
 def add_to(evaluate: argparse.ArgumentParser) -> None:
-    """Give the command its arguments."""
+    """Add the arguments."""
     completes(
         evaluate.add_argument(
             "--policy",
             action="append",
             required=True,
             metavar="P",
-            help="a planner, or an agent: see below; may be given several times",
+            help="a planner or an agent, see below; may be given several times",
         ),
         POLICY,
     )
-    completes(
-        evaluate.add_argument(
-            "--fields",
-            action="append",
-            required=True,
-            metavar="SPEC",
-            help="for example standard/validation:0-9, or files; may be given several times",
-        ),
-        FIELDS,
-    )
-    completes(
-        evaluate.add_argument(
-            "--out", type=directory, required=True, metavar="DIR", help="where results are written"
-        ),
-        DIRECTORY,
-    )
+    add_fields(evaluate, "fields to fly, for example standard/validation:0-9 or files")
+    add_out(evaluate)
     evaluate.add_argument(
         "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="policy seeds; default: 0"
     )
     evaluate.add_argument(
-        "--workers", type=workers, metavar="N", help="worker processes on this machine; default: 1"
+        "--workers", type=workers, metavar="N", help="number of worker processes; default: 1"
     )
     evaluate.add_argument(
         "--backend",
         default="processes",
         metavar="NAME",
-        help="who flies: processes on this machine, or dask, the workers of a Dask cluster "
-        f"({installing('cluster')}), which need the same versions, and agents at the same paths; "
-        "no flight depends on it; default: %(default)s",
+        help="where to fly: processes on this machine, or dask, a Dask cluster whose workers have "
+        "the same versions, and agents at the same paths; results do not depend on it; to install "
+        f"Dask: {installing('cluster')}; default: %(default)s",
     )
-    evaluate.add_argument("--address", metavar="HOST:PORT", help="of the cluster's scheduler")
+    evaluate.add_argument("--address", metavar="HOST:PORT", help="address of the Dask scheduler")
     evaluate.add_argument(
         "--batch",
         type=positive,
         metavar="N",
-        help="flights of an agent in the air at a time; no flight depends on it; default: 48",
+        help="number of flights that an agent flies at once; results do not depend on it; "
+        "default: 48",
     )
     evaluate.add_argument(
-        "--fresh", action="store_true", help="start over, whatever results or work lie in DIR"
+        "--fresh", action="store_true", help="start over and replace earlier results in DIR"
     )
-    evaluate.add_argument(
-        "--json", action="store_true", help="print summary.json's object, nothing else"
-    )
+    add_json(evaluate)
     add_output_options(evaluate)
     evaluate.set_defaults(prepare=prepare)
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Check the input before anything is flown.
+    """Check the input before the flights.
 
     Raises:
-        ValueError: policies or fields that cannot be, something else in the directory of results,
-            or arguments that do not go together.
+        ValueError: a policy or field is not valid, the directory holds results of another request,
+            or arguments do not go together.
         ConnectionError: no scheduler answers.
     """
     from agents.evaluation import run, work
@@ -135,7 +124,7 @@ def prepare(options: argparse.Namespace) -> Job:
     check_number(options.fields, MOST, options.seeds, len(options.policy))
     fields = [field for spec in options.fields for field in sources(spec)]
     refuse_twice("field", [name_of(field) for field in fields])
-    for policy in options.policy:  # last: an agent is loaded
+    for policy in options.policy:  # last, because loading an agent takes time
         make_policy(policy)
     request = Request(policies=options.policy, fields=fields, seeds=options.seeds)
     if not options.fresh:
@@ -155,7 +144,7 @@ def prepare(options: argparse.Namespace) -> Job:
                 terminal=terminal,
             )
         except KeyboardInterrupt:
-            terminal.note(GOES_ON)
+            terminal.note(RESUME_NOTE)
             raise
         return DONE
 
@@ -163,10 +152,12 @@ def prepare(options: argparse.Namespace) -> Job:
 
 
 def sources(spec: str) -> list[str | Field]:
-    """What a specification names: drawn fields by name, to be drawn by who flies; others as read.
+    """The fields of a specification: generated ones by name, those of files as read.
+
+    Generated fields are drawn by the worker processes that fly them.
 
     Raises:
-        ValueError: as `get_fields`, or a field in which no flight can begin.
+        ValueError: as `get_fields`, or no flight can begin in a field.
     """
     fields = field_names.get_fields(spec)
     try:
@@ -181,7 +172,7 @@ def sources(spec: str) -> list[str | Field]:
 
 
 def command(options: argparse.Namespace) -> str:
-    """The command that makes the same results again, on this machine."""
+    """The command that reproduces the results on this machine."""
     seeds = options.seeds
     numbers = f"{seeds[0]}-{seeds[-1]}" if len(seeds) > 1 else str(seeds[0])
     words = ["ferguson", "evaluate"]

@@ -1,7 +1,7 @@
-"""The program `ferguson`: its commands, and how it ends.
+"""The program `ferguson`: its commands and its exit status.
 
-Exit status 0: done; 1: `plan` found no path, `demos` had no flight to keep; 2: bad input, or a disk
-that refuses, one line on standard error; 130: interrupted.
+Exit status 0: done; 1: `plan` found no path, or `demos` had no successful flight; 2: bad input or
+a failing disk, with one line on standard error; 130: interrupted.
 """
 
 from __future__ import annotations
@@ -38,21 +38,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: Sequence[str] | None) -> int:
-    with defer_interrupt():  # an interruption amid imports comes out as anything
+    with defer_interrupt():  # an interruption during imports may surface as any error
         parser = _parser()
-    if isinstance(sys.stdout, io.TextIOWrapper):  # names of files may hold what it cannot write
+    if isinstance(
+        sys.stdout, io.TextIOWrapper
+    ):  # file names may hold characters that it cannot encode
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         status = _do(parser, arguments)
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except BrokenPipeError:  # the reader has seen enough
+    except BrokenPipeError:  # the reader closed the pipe
         _silence_output()
         return 0
-    except OSError as error:  # there is no room for what was to be read
+    except OSError as error:  # standard output cannot be written, for example on a full disk
         _silence_output()
-        return _refuse(error)
+        return _report(error)
 
 
 def _do(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int:
@@ -63,35 +65,35 @@ def _do(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int
     try:
         job = options.prepare(options)
     except (ValueError, OSError) as error:
-        return _refuse(error)
+        return _report(error)
     try:
         status: int = job()
     except BrokenPipeError:
         raise
-    except OSError as error:  # a disk, or a worker process, that refuses
-        return _refuse(error)
+    except OSError as error:  # a disk or a worker process failed
+        return _report(error)
     return status
 
 
-def _refuse(error: ValueError | OSError) -> int:
+def _report(error: ValueError | OSError) -> int:
     text = str(error)
-    if isinstance(error, OSError) and error.strerror:  # its own text begins with a number
+    if isinstance(error, OSError) and error.strerror:  # str(error) begins with a number
         text = ": ".join(str(part) for part in (error.filename, error.strerror) if part)
-    from agents.cli.arguments import shortened
+    from agents.cli.arguments import truncate_message
 
-    _say(shortened(text))
+    _say(truncate_message(text))
     return BAD_INPUT
 
 
 def _say(text: str) -> None:
-    with contextlib.suppress(OSError):  # nobody reads it
+    with contextlib.suppress(OSError):  # standard error is closed
         print(f"ferguson: {text}", file=sys.stderr)
 
 
 def _silence_output() -> None:
     from agents.runtime.terminal import silence
 
-    silence(sys.stdout)  # else the interpreter tells of it at its end
+    silence(sys.stdout)  # else the interpreter reports the error when it exits
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
@@ -106,7 +108,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = Parser(
         prog="ferguson",
-        description="Plan and evaluate flights through fields of obstacles.",
+        description="Plan, evaluate and learn flights through fields of obstacles.",
         epilog=_EPILOG.format(grammar=GRAMMAR[0].upper() + GRAMMAR[1:]),
     )
     parser.add_argument("--version", action="version", version=f"ferguson {__version__}")

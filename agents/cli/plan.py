@@ -1,24 +1,30 @@
-"""`ferguson plan`: what it is asked, and the input checked."""
+"""`ferguson plan`: its arguments and checks."""
 
 from __future__ import annotations
 
 import argparse
 from pathlib import Path
 
-from agents.cli.arguments import add_output_options, metres, seed
-from agents.cli.completion import FILE, ONE_FIELD, PLANNER, POLICY, completes
+from agents.cli.arguments import metres
+from agents.cli.completion import FILE, POLICY, completes
+from agents.cli.shared_options import (
+    add_field,
+    add_json,
+    add_output_options,
+    add_planner,
+    add_seed,
+)
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.transition import initial_state
-from planners.registry import OPTIONS, PLANNERS
 
 NO_PATH = 1
-HELP = "plan one field"
+HELP = "plan a path through one field"
 DESCRIPTION = """\
-Plan one field; print the plan, and the windows or the route it came from. Exit status 1: no path
-was found."""
+Plan a path through one field; print its length, clearance and smallest turn radius, and the
+planning windows or the route behind it. Exit status 1: no path was found."""
 EPILOG = """\
 examples:
   ferguson plan paper:2 --planner multi-start --plot flight.png
@@ -29,51 +35,41 @@ examples:
 
 
 def add_to(plan: argparse.ArgumentParser) -> None:
-    """Give the command its arguments."""
-    completes(
-        plan.add_argument(
-            "field", metavar="FIELD", help="for example paper:1, standard/test:7 or my_field.json"
-        ),
-        ONE_FIELD,
-    )
-    completes(
-        plan.add_argument(
-            "--planner",
-            required=True,
-            metavar="NAME",
-            help=f"one of {', '.join(PLANNERS)}, with options or without: {OPTIONS}",
-        ),
-        PLANNER,
-    )
-    plan.add_argument(
-        "--seed", type=seed, default=0, metavar="N", help="of the planner; default: 0"
-    )
+    """Add the arguments."""
+    add_field(plan)
+    add_planner(plan, "--planner", required=True)
+    add_seed(plan, "seed of the planner")
     plan.add_argument(
         "--sensing-range",
         type=metres,
         metavar="R",
-        help="know only the obstacles within R metres of where the vehicle has been; at least 15, "
-        "for single-start, multi-start, guided and pursuit",
+        help="know only the obstacles within R metres of the path flown so far; at least 15 "
+        "(single-start, multi-start, guided, pursuit)",
     )
     plan.add_argument(
-        "--backtrack", action="store_true", help="out of a dead end, be led along the shortest way"
+        "--backtrack",
+        action="store_true",
+        help="leave dead ends along the shortest path (planners as for --sensing-range)",
     )
     plan.add_argument(
-        "--turn-radius", type=metres, metavar="R", help="turn no sharper than R metres (guided)"
+        "--turn-radius",
+        type=metres,
+        metavar="R",
+        help="keep a turn radius of at least R metres (guided)",
     )
     completes(
         plan.add_argument(
             "--start-from",
             metavar="POLICY",
-            help="start from what an agent, or any other policy, would fly (single-start, "
-            "multi-start)",
+            help="use the segments that another policy would fly as initial guesses "
+            "(single-start, multi-start)",
         ),
         POLICY,
     )
-    plan.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    add_json(plan, "print only one JSON object")
     completes(
         plan.add_argument(
-            "--plot", type=Path, metavar="FILE", help="write a picture (png, pdf, svg)"
+            "--plot", type=Path, metavar="FILE", help="draw the plan (png, pdf, svg)"
         ),
         FILE,
     )
@@ -82,10 +78,10 @@ def add_to(plan: argparse.ArgumentParser) -> None:
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Check the input before anything is planned.
+    """Check the input before planning.
 
     Raises:
-        ValueError: a planner, a field or a picture that cannot be.
+        ValueError: the planner, the field or the picture's file is not valid.
     """
     from agents.cli import plan_report
     from agents.cli.compile_notice import announce_compilation
@@ -110,7 +106,7 @@ def prepare(options: argparse.Namespace) -> Job:
     name = str(spec)
     make_planner(spec)  # raises if an option does not fit
     field = get_field(options.field)
-    initial_state(field)  # refuses what cannot be flown
+    initial_state(field)  # raises if no flight can begin
     if options.plot is not None:
         check_target(options.plot)
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)

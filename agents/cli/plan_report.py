@@ -1,4 +1,4 @@
-"""`ferguson plan`: one plan, for people and as JSON."""
+"""What `ferguson plan` prints: a plan as text and as JSON."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from planners.interface import Plan, Planner, Route, initial_state
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Report:
-    """A plan and what is reported of it."""
+    """A plan, and how it is printed."""
 
     name: str
-    """Of the planner."""
+    """Canonical name of the planner."""
     field: Field
     seed: int
     plan: Plan
@@ -35,7 +35,7 @@ class Report:
 
     @property
     def flight(self) -> Flight:
-        """The plan as the flight it describes."""
+        """The planned flight."""
         plan = self.plan
         return Flight(
             policy=self.name,
@@ -52,7 +52,7 @@ class Report:
         )
 
     def to_json(self) -> str:
-        """One object; nulls where no path was found, or a number would be infinite."""
+        """One JSON object, with nulls if no path was found and instead of infinite numbers."""
         flight, found = self.flight, self.plan.success
         return json.dumps(
             {
@@ -75,16 +75,16 @@ class Report:
         )
 
     def lines(self, windows: bool = True) -> Iterator[Table | str]:
-        """What people read of the plan, one after the other.
+        """The tables and sentences that describe the plan, in order.
 
         Args:
-            windows: whether to begin with a table of them, if there are any.
+            windows: whether to begin with the table of planning windows, if there are any.
         """
         flight = self.flight
         if windows and any(decision.report.starts for decision in self.plan.decisions):
             yield terminal_tables.windows(self.plan.decisions)
         if self.plan.route is not None:
-            yield _told(self.plan.route, flight.exact_length)
+            yield format_route(self.plan.route, flight.exact_length)
         yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
         facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
         if flight.gap is not None:
@@ -93,7 +93,7 @@ class Report:
             )
         if len(flight.control):
             radius = flight.min_turn_radius
-            # within the tolerance, a contact is shown as a contact
+            # within the tolerance the path touches an obstacle
             clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
             facts.append(f"clearance {clear:.3f} m" if math.isfinite(clear) else "no obstacles")
             facts.append(f"smallest turn radius {radius:.3g} m")
@@ -103,7 +103,7 @@ class Report:
         yield ", ".join(facts)
 
     def draw(self, path: Path) -> None:
-        """Write a picture of the plan."""
+        """Draw the plan into a file."""
         draw_flights([self.flight], path)
 
 
@@ -115,8 +115,8 @@ def _clearance(plan: Plan, field: Field) -> float:
     return min((float(found.clearance) for found in certificates), default=math.inf)
 
 
-def _told(route: Route, exact: float | None) -> str:
-    """A route before segments were fitted to it; exact is the shortest path's length [m]."""
+def format_route(route: Route, exact: float | None) -> str:
+    """Length and search time of a route before the fit; exact is the shortest length [m]."""
     seconds, _ = route.progress[-1]
     facts = [f"route: {route.length:.4f} m", f"found after {seconds:.3f} s"]
     if exact is not None:
@@ -125,7 +125,7 @@ def _told(route: Route, exact: float | None) -> str:
 
 
 def _percent(gap: float) -> str:
-    """A gap as people read it; a path a rounding error short of the shortest is as short."""
+    """A gap in per cent, without a negative zero from rounding."""
     return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
 
 

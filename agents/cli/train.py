@@ -1,21 +1,19 @@
-"""`ferguson train`: what it is asked, and the input checked."""
+"""`ferguson train`: its arguments and checks."""
 
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
-from agents.cli.arguments import (
-    GOES_ON,
+from agents.cli.arguments import check_directory, check_number, minutes, positive, workers
+from agents.cli.completion import FIELDS, FILE, MODEL, completes
+from agents.cli.shared_options import (
+    RESUME_NOTE,
+    add_out,
     add_output_options,
-    check_directory,
-    check_number,
-    directory,
-    minutes,
-    positive,
-    seed,
-    workers,
+    add_seed,
+    add_workers,
 )
-from agents.cli.completion import DIRECTORY, FIELDS, FILE, MODEL, completes
 from agents.models import shipped_agents
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
@@ -26,12 +24,12 @@ from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.runtime.suggestions import did_you_mean
 
 MOST = 100_000
-"""Fields on which a model is judged."""
-HELP = "train an agent"
+"""Upper limit of the fields on which a model is evaluated."""
+HELP = "train an agent by reinforcement or imitation learning"
 DESCRIPTION = f"""\
-Train an agent; evaluate it while it learns, keep the best model and checkpoints, and write
-model.zip, model.json, curve.csv and TensorBoard's logs. Interrupted, the same command goes on.
-What agents learn with: {installing("agents")}"""
+Train an agent and evaluate it while it learns; keep the best model and checkpoints, and write
+model.zip, model.json, curve.csv and logs for TensorBoard. After an interruption the same command
+resumes. To install the libraries: {installing("agents")}"""
 EPILOG = """\
 examples:
   ferguson train dagger --minutes 35 --workers 2 --out runs/dagger
@@ -42,64 +40,54 @@ examples:
 
 
 def add_to(train: argparse.ArgumentParser) -> None:
-    """Give the command its arguments."""
+    """Add the arguments."""
     train.add_argument(
         "algorithm",
         choices=list(ALGORITHMS),
         metavar="ALGORITHM",
-        help=f"one of {', '.join(ALGORITHMS)}",
+        help=f"{', '.join(ALGORITHMS)}",
     )
-    completes(
-        train.add_argument(
-            "--out",
-            type=directory,
-            required=True,
-            metavar="DIR",
-            help="where the model is written; the same command goes on with what lies there",
-        ),
-        DIRECTORY,
-    )
+    add_out(train, "directory of the model; a training there is resumed")
     completes(
         train.add_argument(
             "--config",
             metavar="FILE",
-            help="hyperparameters in YAML, or the name of some that are shipped, for example "
-            "ppo-refining; default: the algorithm's own",
+            help="YAML file of hyperparameters, or the name of shipped ones, for example "
+            "ppo-refining; default: those of the algorithm",
         ),
         FILE,
     )
-    train.add_argument("--seed", type=seed, default=0, metavar="N", help="of all draws; default: 0")
+    add_seed(train, "seed of all random numbers")
     train.add_argument(
-        "--steps", type=positive, metavar="N", help="segments flown at most; default: see --minutes"
+        "--steps", type=positive, metavar="N", help="limit of environment steps (flown segments)"
     )
     train.add_argument(
         "--minutes",
         type=minutes,
         metavar="M",
-        help="time at most; with neither limit n_timesteps of the hyperparameters",
+        help="limit of training time; without either limit, n_timesteps of the hyperparameters",
     )
     completes(
         train.add_argument(
             "--from",
             dest="start",
             metavar="MODEL",
-            help="begin with this model, shipped or trained: its network, what it sees, its "
-            "weights",
+            help="initial model, shipped or trained: its network, observation and weights",
         ),
         MODEL,
     )
     train.add_argument(
         "--demos",
         metavar="DATASET_ID",
-        help="demonstrations: all that bc learns from; to begin with for dagger, and in the replay "
-        "buffer of sac, td3, tqc",
+        help="dataset of demonstrations: the training data of bc, the first data of dagger, the "
+        "initial replay buffer of sac, td3 and tqc",
     )
     completes(
         train.add_argument(
             "--choose-on",
             default=CHOSEN_ON,
             metavar="SPEC",
-            help="fields by which the best model is chosen while training; default: %(default)s",
+            help="fields on which the best model is selected; default: %(default)s",
         ),
         FIELDS,
     )
@@ -108,33 +96,27 @@ def add_to(train: argparse.ArgumentParser) -> None:
             "--report-on",
             default=REPORTED_ON,
             metavar="SPEC",
-            help="fields on which it is judged at the end; default: %(default)s",
+            help="fields on which the selected model is evaluated; default: %(default)s",
         ),
         FIELDS,
     )
+    add_workers(train, "number of worker processes, used by dagger")
     train.add_argument(
-        "--workers",
-        type=workers,
-        default=1,
-        metavar="N",
-        help="worker processes, where an expert is asked; default: 1",
+        "--threads", type=workers, default=1, metavar="N", help="threads of torch; default: 1"
     )
     train.add_argument(
-        "--threads", type=workers, default=1, metavar="N", help="of torch; default: 1"
-    )
-    train.add_argument(
-        "--fresh", action="store_true", help="start over: remove the training that lies in DIR"
+        "--fresh", action="store_true", help="start over: delete the earlier training in DIR"
     )
     add_output_options(train)
     train.set_defaults(prepare=prepare)
 
 
 def prepare(options: argparse.Namespace) -> Job:
-    """Check the input before anything is trained.
+    """Check the input before training.
 
     Raises:
-        ValueError: a recipe, a model to begin with, fields or demonstrations that cannot be;
-            something else in the directory.
+        ValueError: the hyperparameters, initial model, fields or demonstrations are not valid, or
+            the directory holds something else.
     """
     name = options.algorithm
     algorithm = ALGORITHMS[name]
@@ -143,16 +125,7 @@ def prepare(options: argparse.Namespace) -> Job:
     if options.demos is not None and not algorithm.demos:
         able = ", ".join(one for one, kind in ALGORITHMS.items() if kind.demos)
         raise ValueError(f"--demos is of no use to {name}; {able} begin with demonstrations")
-    start = None
-    if options.start is not None:
-        start = shipped_agents.find_agent(options.start)
-        if start is None:
-            near = did_you_mean(options.start, shipped_agents.shipped())
-            raise ValueError(
-                f"--from {options.start}: no such model{near}; name a shipped one or a path"
-            )
-        if options.out.resolve() in (start.resolve(), *start.resolve().parents):
-            raise ValueError(f"--from {options.start} lies in --out {options.out}: choose another")
+    start = None if options.start is None else _initial_model(options)
     check_number([options.choose_on], MOST)
     check_number([options.report_on], MOST)
     run = Run(
@@ -179,10 +152,23 @@ def prepare(options: argparse.Namespace) -> Job:
         try:
             return train()
         except KeyboardInterrupt:
-            run.terminal.note(GOES_ON)
+            run.terminal.note(RESUME_NOTE)
             raise
 
     return job
+
+
+def _initial_model(options: argparse.Namespace) -> Path:
+    """Directory of the model to begin with."""
+    start = shipped_agents.find_agent(options.start)
+    if start is None:
+        near = did_you_mean(options.start, shipped_agents.shipped())
+        raise ValueError(
+            f"--from {options.start}: no such model{near}; name a shipped one or a path"
+        )
+    if options.out.resolve() in (start.resolve(), *start.resolve().parents):
+        raise ValueError(f"--from {options.start} lies in --out {options.out}: choose another")
+    return start
 
 
 def _nothing_to_do(run: Run) -> Job:

@@ -239,11 +239,11 @@ def test_bad_fields_are_one_line_and_status_two(
         ),
         (
             ["evaluate", *["--policy", "single-start"] * 2, "--fields", "paper:1"],
-            "policy single-start is named twice",
+            "policy single-start is given twice",
         ),
         (
             ["evaluate", "--policy", "single-start", *["--fields", "paper:1"] * 2],
-            "field paper:1 is named twice",
+            "field paper:1 is given twice",
         ),
         (["land"], "invalid choice: 'land'"),
     ],

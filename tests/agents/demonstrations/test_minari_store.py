@@ -134,7 +134,7 @@ def test_workers_and_interruptions_change_nothing(root: Path) -> None:
         _, said = run.communicate()
         assert run.returncode == status, said
         assert not (root / ID).exists()
-    assert "the same command goes on where this one stopped" in said
+    assert "run the same command again to resume" in said
     assert "Traceback" not in said
     assert 2 <= len(list(work.glob("chunk-*"))) < 8
     assert demos("--workers", "2", fields=fields) == 0

@@ -125,7 +125,7 @@ def test_an_interruption_leaves_work_to_go_on_with_and_no_traces(
         assert run.returncode == 130, said
         assert "Traceback" not in said
         assert said.splitlines()[-2:] == [
-            "ferguson: the same command goes on where this one stopped",
+            "ferguson: run the same command again to resume",
             "ferguson: interrupted",
         ]
         assert [path.name for path in out.iterdir()] == [WORK]

@@ -65,7 +65,7 @@ def test_demonstrations_stop_after_a_flight_and_resume(
         assert main(command) == 130
     assert len(ended) == 15  # the flight was finished
     assert capsys.readouterr().err == (
-        "ferguson: the same command goes on where this one stopped\nferguson: interrupted\n"
+        "ferguson: run the same command again to resume\nferguson: interrupted\n"
     )
     place = tmp_path / ".some-v0.part"
     assert sorted(path.name.split("-")[0] for path in place.iterdir()) == ["chunk", "request.json"]

@@ -168,9 +168,9 @@ def leaves_out_or_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     [
         (["bench", "planners"], "required: --fields"),
         ([*BENCH[:-1], "nowhere"], "unknown field 'nowhere'"),
-        ([*BENCH, "--fields", "sparse/train:1"], "field sparse/train:1 is named twice"),
+        ([*BENCH, "--fields", "sparse/train:1"], "field sparse/train:1 is given twice"),
         ([*BENCH, "--planner", "kite"], "unknown planner 'kite'"),
-        ([*BENCH, "--planner", "shortest", "--planner", "shortest"], "shortest is named twice"),
+        ([*BENCH, "--planner", "shortest", "--planner", "shortest"], "shortest is given twice"),
         ([*BENCH, "--seconds", "0"], "need seconds, a number above 0"),
         ([*BENCH, "--workers", "0"], "from 1 on"),
         ([*BENCH, "--solvers"], "--solvers"),

@@ -21,8 +21,8 @@ pytest.importorskip("yaml")
 import torch
 import yaml
 
-from agents.cli.arguments import GOES_ON
 from agents.cli.main import main
+from agents.cli.shared_options import RESUME_NOTE
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
 from agents.models import loading
@@ -367,7 +367,7 @@ def test_ctrl_c_on_a_terminal_stops_workers_quietly(
     *learned, first, then, last = error.splitlines()
     assert all(" steps " in line for line in learned)  # a fast machine has evaluated before
     assert "stopping after this update, with a checkpoint" in first
-    assert then == GOES_ON
+    assert then == RESUME_NOTE
     assert last == "ferguson: interrupted"
 
 
