@@ -1,4 +1,4 @@
-"""Pictures of flights, on a grid that could stand in a paper."""
+"""Figures of flights side by side, one panel each, in the style of a paper."""
 
 from __future__ import annotations
 
@@ -6,33 +6,37 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 
 from agents.flights.flight import Flight
+from agents.plots.figure import figure_file
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import atomic_write, unwritable
+from ferguson_gym.runtime.atomic_files import unwritable
 
 SUFFIXES = (".png", ".pdf", ".svg")
-"""Formats a picture can be written in."""
+"""File formats of pictures."""
 _WINDOWS = 3
-"""Planned horizons drawn in each panel, at most."""
+"""Upper limit of the planned horizons drawn in each panel."""
 _ABANDONED = 0.5
-"""Distance [m] of a horizon's end from the flight beyond which it was not followed."""
+"""Distance [m] from the end of a planned horizon to the flight, above which it was abandoned."""
 
 
 def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SUFFIXES) -> None:
-    """Check that a picture, or another thing of these suffixes, can be written there.
+    """Check that a file can be written.
+
+    Args:
+        path: of the file.
+        what: it holds, for the error.
+        suffixes: of the formats that are possible.
 
     Raises:
-        ValueError: an unknown format, a directory, or one that does not exist or takes no files.
+        ValueError: the format is unknown, the path is a directory, or its directory does not exist
+            or cannot be written to.
     """
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"{what}s are written as {', '.join(suffixes)}, not {path.name!r}")
@@ -47,17 +51,15 @@ def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SU
 
 
 def picture_of(policy: str) -> str:
-    """File name of a policy's picture; a policy may be named by a path."""
+    """File name of a policy's picture, without the slashes of a path."""
     return re.sub(r"[/\\]", "-", policy) + ".png"
 
 
 def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None:
-    """Write a grid of flights, one panel each, in the format of the path's suffix."""
+    """Write a grid of flights, one panel each; the suffix of the path decides the format."""
     columns = min(len(flights), 2)
     rows = -(-len(flights) // columns)
-    with mpl.rc_context(drawing.style()):
-        figure = Figure(figsize=(3.5 * columns, 3.62 * rows + 0.45), layout="constrained")
-        FigureCanvasAgg(figure)
+    with figure_file(path, 3.5 * columns, 3.62 * rows + 0.45) as figure:
         grid = figure.subplots(rows, columns, squeeze=False)
         for axes, flight in zip(grid.flat, flights, strict=False):
             _draw_panel(axes, flight)
@@ -81,8 +83,6 @@ def draw_flights(flights: Sequence[Flight], path: Path, title: str = "") -> None
             handlelength=2.4,
             columnspacing=1.2,
         )
-        with atomic_write(path) as temporary:
-            figure.savefig(temporary)
 
 
 def _draw_panel(axes: Axes, flight: Flight) -> None:
@@ -100,7 +100,7 @@ def _draw_panel(axes: Axes, flight: Flight) -> None:
 
 
 def _horizons(flight: Flight) -> list[Array]:
-    """The planned windows that ended farthest from where the flight then went."""
+    """The planned horizons whose ends are farthest from the flight."""
     chains = [
         decision.chain
         for decision in flight.decisions

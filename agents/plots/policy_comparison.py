@@ -1,4 +1,4 @@
-"""Flights of several policies over the same fields: each field a panel, with its shortest path."""
+"""A figure of several policies on the same fields: one panel a field, with its shortest path."""
 
 from __future__ import annotations
 
@@ -7,39 +7,36 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from agents.flights.flight import Flight
+from agents.plots.figure import figure_file
 from agents.policies.spec import PolicySpec
 from ferguson_gym.curves.splines import evaluate
-from ferguson_gym.rendering.drawing import draw_field, style
-from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.rendering.drawing import draw_field
 from ferguson_gym.shortest_paths.exact import shortest_path
 
 COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
-"""Of policies, in their order, as in the report; the first four are far apart for the
-colour-blind too."""
+"""Colours of the policies in order, as in the report; colour-blind readers can tell the first four
+apart."""
 COLUMNS = 3
-"""Panels in a row, at most."""
+"""Upper limit of panels in a row."""
 _SIDE, _APART, _TITLE, _LINE = 2.32, 0.11, 0.24, 0.125
-"""Of panels: side, room between them, titles, lines below them [in]."""
+"""Side of a panel, space between panels, height of a title and of a line below [in]."""
 _SHORTEST: dict[str, Any] = {"color": "black", "ls": (0, (1, 1.6)), "lw": 1.0}
 _LETTERS = 39
-"""In the longest line below a panel that is written in letters of 7 pt."""
+"""Characters of a 7 pt line that fit below a panel; longer lines get a smaller font."""
 _T = np.linspace(0.0, 1.0, 40)
 
 
 def draw_comparison(panels: Sequence[Sequence[Flight]], out: Path) -> None:
-    """Write the picture, in the format of the path's suffix.
+    """Write the figure; the suffix of the path decides the format.
 
     Args:
-        panels: in each the flights of the same policies, in the same order, through one field.
-        out: where.
+        panels: for each field the flights of the same policies in the same order.
+        out: path of the file.
 
     Raises:
         ValueError: more policies than there are colours.
@@ -53,18 +50,14 @@ def draw_comparison(panels: Sequence[Sequence[Flight]], out: Path) -> None:
     below = _LINE * (1 + policies) + _APART
     width = columns * (_SIDE + _APART) + _APART
     height = rows * (_TITLE + _SIDE + below)
-    with mpl.rc_context(style()):
-        figure = Figure(figsize=(width, height))
-        FigureCanvasAgg(figure)
+    with figure_file(out, width, height, layout=None) as figure:
         for k, flights in enumerate(panels):
             row, column = divmod(k, columns)
             left = _APART + column * (_SIDE + _APART)
             bottom = height - row * (_TITLE + _SIDE + below) - _TITLE - _SIDE
-            # by hand: a layout that minds the lists below would shrink the panels for long ones
+            # placed by hand, since a layout engine would shrink the panels for long lists below
             axes = figure.add_axes((left / width, bottom / height, _SIDE / width, _SIDE / height))
             _draw_panel(axes, flights)
-        with atomic_write(out) as temporary:
-            figure.savefig(temporary)
 
 
 def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
@@ -76,7 +69,7 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
         axes.plot(*path.points(0.5).T, zorder=7, **_SHORTEST)
         handles.append(Line2D([], [], label=f"shortest path: {path.length:.2f} m", **_SHORTEST))
     for k, flight in enumerate(flights):
-        # the later the thinner, so that flights on the same way are all seen
+        # later flights are thinner, so that all are visible where they overlap
         above = len(flights) - 1 - k
         look: dict[str, Any] = {
             "color": COLOURS[k],
@@ -88,7 +81,7 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
         if not flight.success:
             _draw_failure(axes, flight, COLOURS[k])
         cross = {} if flight.success else _cross(6.0)
-        handles.append(Line2D([], [], label=_told(flight), **look, **cross))
+        handles.append(Line2D([], [], label=format_flight(flight), **look, **cross))
     axes.set_title(field.name, parse_math=False)
     longest = max(len(str(handle.get_label())) for handle in handles)
     legend = axes.legend(
@@ -107,7 +100,7 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
 
 
 def _draw_failure(axes: Axes, flight: Flight, colour: str) -> None:
-    """A cross where a flight ended, and the segment that it would have flown on."""
+    """Draw a cross where a flight ended, and the segment that was refused."""
     if flight.refused is not None:
         axes.plot(*evaluate(flight.refused, _T).T, ":", color=colour, lw=1.2, zorder=5)
     end = flight.control[-1, 1] if len(flight.control) else flight.field.start
@@ -118,8 +111,8 @@ def _cross(size: float) -> dict[str, Any]:
     return {"marker": "X", "ms": size, "mec": "white", "mew": 0.7}
 
 
-def _told(flight: Flight) -> str:
-    """A flight in a line."""
+def format_flight(flight: Flight) -> str:
+    """Policy, length and gap or failure of a flight in one line."""
     name = _name(flight.policy)
     if not flight.success:
         return f"{name}: {flight.outcome.label.replace('_', ' ')}, {flight.length:.1f} m"
@@ -128,7 +121,7 @@ def _told(flight: Flight) -> str:
 
 
 def _name(policy: str) -> str:
-    """A policy's name; of a path the last part, or the one before the `best` of a training."""
+    """A policy's name; of a path its last part, or the part before `best` of a training."""
     agent = PolicySpec.parse(policy).agent
     if not agent or not (path := Path(agent)).is_dir():
         return policy

@@ -1,4 +1,4 @@
-"""`ferguson animate`: a flight as a GIF, the receding horizon at work."""
+"""Draws the frames of an animation and writes them as a GIF, for `ferguson animate`."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from matplotlib.transforms import Affine2D
 from rich.progress import Progress
 
 from agents.flights.flight import Flight
-from agents.plots.animation.frames import Shot, frames_of
-from agents.plots.animation.gif import Frame, Palette, write_gif
+from agents.plots.animation.frames import Frame, frames_of
+from agents.plots.animation.gif import Palette, Pixels, write_gif
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
@@ -29,33 +29,32 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
 
 SIZE = 720
-"""Pixels along the longer side of the field; a narrow one still has room for the line below."""
+"""Pixels along the longer side of the field; narrow fields get room for the caption below."""
 _DPI = 112
 _FRAME, _CAPTION = 8, 28
-"""Pixels around the field, and of the line below it."""
+"""Pixels of the border around the field, and of the caption below."""
 _TITLE = 36
-"""Letters of the title at most, so that there is room for the caption."""
+"""Upper limit of the title's characters, which leaves room for the caption."""
 _LEVELS = 16
-"""Bands of the distance to the goal."""
+"""Number of bands of equal distance to the goal."""
 _BANDS = "#cfe3d6", "#fafcfb"
-"""Their colours, the nearest first."""
+"""Colours of the nearest and the farthest band."""
 _SAMPLES = 6
-"""Frames whose colours make the palette."""
+"""Number of frames from which the palette is made."""
 _CELLS = 240
-"""Points of the distance's grid along each side."""
+"""Grid points along each side of the field, on which the distance to the goal is drawn."""
 _T = np.linspace(0.0, 1.0, 60)
 
 
 class Painter:
-    """Paints shots of one field; what does not change is painted once.
+    """Draws the frames of one field on a background that is drawn once.
 
-    Under the shot lie the obstacles, bands of equal distance to the goal and the shortest path,
-    the latter two among discs in the plane only. From the end of a plan the shortest way on is
-    dotted.
+    The background shows the obstacles and, for planar discs, bands of equal distance to the goal
+    and the shortest path. A dotted line continues a plan along the shortest path to the goal.
     """
 
     def __init__(self, field: Field, title: str, *, surveyed: bool = True) -> None:
-        """Distances are shown of a field that was surveyed: of obstacles all known before."""
+        """Draw the background, with bands if all obstacles are known from the start (surveyed)."""
         title = title if len(title) <= _TITLE else title[: _TITLE - 1] + "\N{HORIZONTAL ELLIPSIS}"
         self._field = field
         low, high = field.bounds
@@ -79,59 +78,59 @@ class Painter:
             self._background = self._canvas.copy_from_bbox(self._figure.bbox)
             self._overlay = self._figure.add_axes(place)
 
-    def paint(self, shot: Shot) -> Frame:
-        """The frame of a shot."""
+    def paint(self, frame: Frame) -> Pixels:
+        """The pixels (height, width, 3) of a frame."""
         axes, field = self._overlay, self._field
         with mpl.rc_context(drawing.style()):
             axes.clear()
             axes.set(xlim=field.bounds[:, 0], ylim=field.bounds[:, 1], aspect="equal")
             axes.set_axis_off()
-            self._draw(axes, shot)
+            self._draw(axes, frame)
             self._canvas.restore_region(self._background)
             axes.draw(self._canvas.get_renderer())
         return np.array(np.asarray(self._canvas.buffer_rgba())[..., :3], dtype=np.uint8)
 
-    def _draw(self, axes: Axes, shot: Shot) -> None:
+    def _draw(self, axes: Axes, frame: Frame) -> None:
         togo = self._togo
-        if shot.known is not None:
-            togo = _distance_to_go(shot.known)
-            drawing.draw_obstacles(axes, shot.known.obstacles, drawing.SEEN)
-        elif shot.origin is not None:
-            _draw_reach(axes, self._field, shot.origin, shot.reach)
+        if frame.known is not None:
+            togo = _distance_to_go(frame.known)
+            drawing.draw_obstacles(axes, frame.known.obstacles, drawing.SEEN)
+        elif frame.origin is not None:
+            _draw_reach(axes, self._field, frame.origin, frame.reach)
         axes.plot(*self._shortest.T, color="black", lw=0.8, alpha=0.45, zorder=2)
-        if shot.route is not None:
-            axes.plot(*shot.route.T, color=drawing.HORIZON, lw=0.8, alpha=0.6, zorder=2)
-        _draw_chains(axes, shot.candidates, lw=1.0, alpha=0.5, zorder=3)
-        for guess in shot.candidates:
+        if frame.route is not None:
+            axes.plot(*frame.route.T, color=drawing.HORIZON, lw=0.8, alpha=0.6, zorder=2)
+        _draw_chains(axes, frame.candidates, lw=1.0, alpha=0.5, zorder=3)
+        for guess in frame.candidates:
             axes.plot(*guess[:, 1].T, ".", color=drawing.HORIZON, alpha=0.6, ms=4, zorder=3)
-        if shot.start is not None:
-            _draw_chains(axes, [shot.start], lw=1.0, alpha=0.9, ls=(0, (2, 2)), zorder=3)
-        if len(shot.plan):
-            _draw_chains(axes, [shot.plan], lw=2.0, zorder=3)
-            knots = shot.plan[:, 1]
+        if frame.start is not None:
+            _draw_chains(axes, [frame.start], lw=1.0, alpha=0.9, ls=(0, (2, 2)), zorder=3)
+        if len(frame.plan):
+            _draw_chains(axes, [frame.plan], lw=2.0, zorder=3)
+            knots = frame.plan[:, 1]
             axes.plot(*knots.T, "o", mfc="white", mec=drawing.HORIZON, mew=0.9, ms=3.2, zorder=4)
             ahead = None if togo is None else togo.path(knots[-1])
             if ahead is not None:
                 axes.plot(*ahead.points(0.5).T, ":", color=drawing.HORIZON, lw=1.2, zorder=3)
-        drawing.draw_path(axes, shot.flown)
-        colour = drawing.SEGMENTS[len(shot.flown) % 2]
-        axes.plot(*shot.trail.T, color=colour, lw=1.8, zorder=4, solid_capstyle="round")
-        if shot.refused is not None:
-            drawing.draw_refused(axes, shot.refused)
-        if not np.array_equal(shot.position, self._field.goal):
-            _draw_vehicle(axes, shot.position, shot.heading)
+        drawing.draw_path(axes, frame.flown)
+        colour = drawing.SEGMENTS[len(frame.flown) % 2]
+        axes.plot(*frame.trail.T, color=colour, lw=1.8, zorder=4, solid_capstyle="round")
+        if frame.refused is not None:
+            drawing.draw_refused(axes, frame.refused)
+        if not np.array_equal(frame.position, self._field.goal):
+            _draw_vehicle(axes, frame.position, frame.heading)
         axes.plot(*self._field.start, "o", color=drawing.START, ms=5, zorder=6)
         axes.plot(*self._field.goal, "*", color=drawing.GOAL, ms=9, zorder=6)
-        _write(self._figure, axes, shot.caption, "right")
+        _write(self._figure, axes, frame.caption, "right")
 
 
 def _distance_to_go(field: Field) -> DistanceToGoal | None:
-    """None among other obstacles than discs in the plane."""
+    """The distance to the goal; None unless all obstacles are planar discs."""
     return DistanceToGoal(field) if isinstance(field.obstacles, Discs) else None
 
 
 def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:
-    """Bands and lines of equal distance to the goal, the lighter the farther."""
+    """Draw bands of equal distance to the goal, lighter with distance."""
     x, y = (np.linspace(low, high, _CELLS) for low, high in field.bounds.T)
     points = np.stack(np.meshgrid(x, y), axis=-1)
     distance = togo(points.reshape(-1, 2))[0].reshape(_CELLS, _CELLS)
@@ -145,7 +144,7 @@ def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:
 
 
 def _draw_reach(axes: Axes, field: Field, origin: Array, reach: float) -> None:
-    """How far a plan looks, and the obstacles that it sees."""
+    """Draw the range of a plan and the obstacles in it."""
     circle = Circle(
         tuple(origin), reach, fill=False, ec=drawing.HORIZON, lw=0.8, ls=(0, (1, 3)), zorder=1
     )
@@ -166,7 +165,7 @@ def _draw_vehicle(axes: Axes, position: Array, heading: Array) -> None:
 
 
 def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]) -> None:
-    """A text below the field."""
+    """Write a text below the field."""
     wide, tall = figure.get_size_inches() * _DPI
     x = _FRAME / wide if side == "left" else 1.0 - _FRAME / wide
     y = (0.5 * _CAPTION + 2) / tall
@@ -176,12 +175,12 @@ def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]
 
 def animate(flight: Flight, path: Path, progress: Progress) -> int:
     """Write a flight as a GIF; returns the number of frames."""
-    told = list(frames_of(flight))
-    surveyed = all(shot.known is None for shot in told)
+    frames = list(frames_of(flight))
+    surveyed = all(frame.known is None for frame in frames)
     title = f"{flight.policy} on {flight.field.name}"
     painter = Painter(flight.field, title, surveyed=surveyed)
-    some = np.linspace(0, len(told) - 1, _SAMPLES).astype(int)
-    palette = Palette([painter.paint(told[k]) for k in some])
-    frames = map(painter.paint, progress.track(told, description="frames"))
-    write_gif(path, frames, [shot.seconds for shot in told], palette)
-    return len(told)
+    some = np.linspace(0, len(frames) - 1, _SAMPLES).astype(int)
+    palette = Palette([painter.paint(frames[k]) for k in some])
+    drawn = map(painter.paint, progress.track(frames, description="frames"))
+    write_gif(path, drawn, [frame.seconds for frame in frames], palette)
+    return len(frames)

@@ -1,4 +1,4 @@
-"""A flight told in shots: what each frame of an animation shows, and for how long."""
+"""The frames of an animated flight: what each shows, and for how long."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 
 OPENING, MOVE, END = 1.2, 0.05, 4.0
-"""Seconds that a frame is shown: before the flight, on the move, at the end."""
+"""Seconds for which a frame is shown: before the flight, in motion, at the end."""
 THOUGHT, THOUGHTS = 0.35, 12.0
-"""Seconds that a search is shown, and as long again its result; and all of them, at most."""
+"""Seconds for which a search is shown, and again its result; upper limit of their sum."""
 STRIDE = 1.5
-"""Least way between two frames on the move [m]."""
+"""Least distance between two frames in motion [m]."""
 MOVES = 100
-"""Frames on the move, about, of a flight that is longer than so many strides."""
+"""Approximate number of frames in motion of a flight that is longer than this many strides."""
 _T = np.linspace(0.0, 1.0, 121)
 
 
@@ -30,131 +30,148 @@ def _none() -> Array:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Shot:
-    """What one frame shows."""
+class Frame:
+    """The content of one frame."""
 
     seconds: float
-    """How long it is shown."""
+    """Seconds for which the frame is shown."""
     caption: str
     position: Array
     """(2,) of the vehicle [m]."""
     heading: Array
     """(2,) its derivative [m per unit t]."""
     flown: Array = field(default_factory=_none)
-    """Segments (n, 4, 2) flown whole."""
+    """Segments (n, 4, 2) that are flown completely."""
     trail: Array = field(default_factory=lambda: np.empty((0, 2)))
-    """Points (m, 2) of the segment that is being flown, as far as it was."""
+    """Points (m, 2) of the part of the current segment that is flown [m]."""
     plan: Array = field(default_factory=_none)
-    """Segments (n, 4, 2) that are meant to be flown."""
+    """Planned segments (n, 4, 2)."""
     candidates: Sequence[Array] = ()
-    """First guesses, each (n, 4, 2)."""
+    """Initial guesses, each (n, 4, 2)."""
     start: Array | None = None
-    """The guess (n, 4, 2) that the plan came from."""
+    """The initial guess (n, 4, 2) that led to the plan."""
     origin: Array | None = None
-    """(2,) where the plan was made, if it looked only so far [m]."""
+    """(2,) position from which the plan was made [m]; None: it had no limited range."""
     reach: float = 0.0
-    """How far it looked from there [m]."""
+    """Range of the plan from its origin [m]."""
     known: Field | None = None
-    """The field as far as the planner knew it; None: all of it."""
+    """The part of the field that the planner knew; None: all of it."""
     route: Array | None = None
-    """Points (n, 2) that a plan of the whole path came from."""
+    """Points (n, 2) of the route that a whole-path plan was fitted to [m]."""
     refused: Array | None = None
     """The segment (4, 2) that ended the flight without being flown."""
 
 
-def frames_of(flight: Flight) -> Iterator[Shot]:
-    """The shots of a flight: in each window the search, its result, then on the move; the end."""
+def frames_of(flight: Flight) -> Iterator[Frame]:
+    """The frames of a flight: in each window the search, its result and the motion; the end."""
     control = flight.control
     lengths = length(control) if len(control) else np.empty(0)
     stride = max(STRIDE, float(lengths.sum()) / MOVES)
     searches = sum(len(decision.candidates) > 0 for decision in flight.decisions)
-    thought = min(THOUGHT, 0.5 * THOUGHTS / max(searches, 1))
+    pause = min(THOUGHT, 0.5 * THOUGHTS / max(searches, 1))
     exact = flight.exact_length
-    shot = Shot(
+    frame = Frame(
         seconds=OPENING,
         caption="" if exact is None else f"shortest path {exact:.2f} m",
         position=flight.field.start,
         heading=flight.field.departure,
         route=None if flight.route is None else flight.route.points,
     )
-    yield shot
+    yield frame
     for step in range(max(len(control), len(flight.decisions))):
-        shot = replace(shot, flown=control[:step], trail=np.empty((0, 2)))
-        way = float(lengths[:step].sum())
-        shot = _intent(flight, step, replace(shot, caption=_caption(flight, step, way)))
-        if shot.candidates:
-            yield replace(shot, plan=_none(), start=None, seconds=thought)
-        if len(shot.plan) and (shot.candidates or step == 0):
-            yield replace(shot, candidates=(), seconds=thought if shot.candidates else OPENING)
+        frame = replace(frame, flown=control[:step], trail=np.empty((0, 2)))
+        distance = float(lengths[:step].sum())
+        frame = _intent(flight, step, replace(frame, caption=_caption(flight, step, distance)))
+        if frame.candidates:
+            yield replace(frame, plan=_none(), start=None, seconds=pause)
+        if len(frame.plan) and (frame.candidates or step == 0):
+            yield replace(frame, candidates=(), seconds=pause if frame.candidates else OPENING)
         if step == len(control):
             break
-        points, slopes = evaluate(control[step], _T), derivative(control[step], _T)
-        chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-        part = np.concatenate([[0.0], np.cumsum(chords)]) / chords.sum()
-        frames = max(1, round(lengths[step] / stride))
-        for share in np.arange(1, frames + 1) / frames:
-            k = int(np.abs(part - share).argmin())
-            yield (
-                shot := replace(
-                    shot,
-                    seconds=MOVE,
-                    caption=_caption(flight, step, way + share * lengths[step]),
-                    position=points[k],
-                    heading=slopes[k],
-                    trail=points[: k + 1],
-                    candidates=(),
-                    start=None,
-                )
-            )
-    yield _end(flight, shot)
+        for moving in _motion(flight, step, frame, stride, distance):
+            yield moving
+            frame = moving
+    yield _end(flight, frame)
 
 
-def _caption(flight: Flight, step: int, way: float) -> str:
-    """Segment, way flown [m] and time of its decision."""
+def _motion(
+    flight: Flight, step: int, frame: Frame, stride: float, distance: float
+) -> Iterator[Frame]:
+    """The frames in which a segment is flown, at even distances.
+
+    Args:
+        flight: the flight.
+        step: number of the segment.
+        frame: the frame before.
+        stride: distance between frames [m].
+        distance: flown before the segment [m].
+    """
+    control = flight.control[step]
+    metres = float(length(control))
+    points, slopes = evaluate(control, _T), derivative(control, _T)
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    shares = np.concatenate([[0.0], np.cumsum(chords)]) / chords.sum()
+    number = max(1, round(metres / stride))
+    for share in np.arange(1, number + 1) / number:
+        k = int(np.abs(shares - share).argmin())
+        yield replace(
+            frame,
+            seconds=MOVE,
+            caption=_caption(flight, step, distance + share * metres),
+            position=points[k],
+            heading=slopes[k],
+            trail=points[: k + 1],
+            candidates=(),
+            start=None,
+        )
+
+
+def _caption(flight: Flight, step: int, distance: float) -> str:
+    """Number of the segment, decision time, and distance flown [m]."""
     tracked = len(flight.decisions) == 1 < len(flight.control)
     seconds = flight.decision_seconds[0 if tracked else step]
-    told = f"{'planned' if tracked else 'decided'} in {1000.0 * seconds:.1f} ms"
-    flown = f"{way:.1f}".rjust(5, "\N{FIGURE SPACE}")  # as wide as a digit: nothing jumps
-    return f"segment {step + 1} · {told} · {flown} m"
+    text = f"{'planned' if tracked else 'decided'} in {1000.0 * seconds:.1f} ms"
+    flown = f"{distance:.1f}".rjust(5, "\N{FIGURE SPACE}")  # a figure space is as wide as a digit
+    return f"segment {step + 1} · {text} · {flown} m"
 
 
-def _intent(flight: Flight, step: int, shot: Shot) -> Shot:
-    """A shot with what was meant to be flown when a segment was chosen, and why."""
-    if step >= len(flight.decisions):  # one plan, tracked
-        return replace(shot, plan=shot.plan[1:])
+def _intent(flight: Flight, step: int, frame: Frame) -> Frame:
+    """A frame with the plan behind a segment, and the guesses that it was chosen from."""
+    if step >= len(flight.decisions):  # a whole-path plan, which is tracked
+        return replace(frame, plan=frame.plan[1:])
     decision = flight.decisions[step]
     plan = _none() if decision.chain is None else decision.chain
     candidates = [guess for _, guess in decision.candidates]
     chosen = [guess for name, guess in decision.candidates if name == decision.report.start]
     searched = len(candidates) > 0
     return replace(
-        shot,
+        frame,
         plan=plan,
         candidates=candidates,
         start=chosen[-1] if chosen else None,
-        origin=shot.position if searched else None,
+        origin=frame.position if searched else None,
         reach=len(candidates[-1]) * PAPER_LIMITS.longest if searched else 0.0,
         known=decision.known,
     )
 
 
-def _end(flight: Flight, shot: Shot) -> Shot:
-    """The last shot: the flight alone, or what it failed at."""
-    told = f"{len(flight.control)} segments · {flight.length:.2f} m"
+def _end(flight: Flight, frame: Frame) -> Frame:
+    """The last frame: the whole flight, and for a failure its cause."""
+    text = f"{len(flight.control)} segments · {flight.length:.2f} m"
     if flight.gap is not None:
-        told += f" · gap {100.0 * flight.gap:.2f} %"
+        text += f" · gap {100.0 * flight.gap:.2f} %"
     if not flight.success:
-        told += f" · {flight.outcome.sentence}"
+        text += f" · {flight.outcome.sentence}"
     last = flight.decisions[-1].candidates if flight.decisions and not flight.success else ()
     return replace(
-        shot,
+        frame,
         seconds=END,
-        caption=told,
+        caption=text,
         flown=flight.control,
         trail=np.empty((0, 2)),
         plan=_none(),
         candidates=[guess for _, guess in last],
         start=None,
-        origin=None if flight.success else shot.origin,
+        origin=None if flight.success else frame.origin,
         refused=flight.refused,
     )

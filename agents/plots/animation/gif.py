@@ -1,4 +1,4 @@
-"""Frames as a GIF: one palette for all, in which large areas keep their colours exactly."""
+"""Writes frames as a GIF with one palette, in which large areas keep their exact colours."""
 
 from __future__ import annotations
 
@@ -15,31 +15,31 @@ from ferguson_gym.runtime.atomic_files import atomic_write
 
 SUFFIX = ".gif"
 COLOURS = 254
-"""Of the palette; a GIF has 256, and one of them stands for what stays the same."""
+"""Colours of the palette; a GIF has 256, one of which marks unchanged pixels."""
 
-Frame: TypeAlias = NDArray[np.uint8]
-"""Pixels (height, width, 3), RGB."""
+Pixels: TypeAlias = NDArray[np.uint8]
+"""RGB values (height, width, 3) of a frame."""
 
 
 class Palette:
-    """The colours of some frames; other frames get the nearest of them."""
+    """A palette made from some frames; the colours of others are replaced by the nearest."""
 
-    def __init__(self, frames: Sequence[Frame]) -> None:
+    def __init__(self, frames: Sequence[Pixels]) -> None:
         sheet = np.concatenate(frames)
         kinds, often = np.unique(_packed(sheet), return_counts=True)
         common = _unpacked(kinds[np.argsort(-often, kind="stable")[: COLOURS // 2]])
-        # the other half covers what is left, small areas of strong colours among it
+        # the other half covers the remaining colours, including strong ones of small areas
         covering = Image.fromarray(sheet).quantize(
             COLOURS // 2, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE
         )
         rest = np.array(covering.getpalette()).reshape(-1, 3)
         self._colours = np.concatenate([common, rest])
         self._nearest = cKDTree(self._colours)
-        # Pillow's own search for the nearest colour is coarse: pale bands would run together
+        # Pillow's own search for the nearest colour is coarse and would merge pale bands
         self._index = np.full(1 << 24, -1, np.int16)
 
-    def __call__(self, frame: Frame) -> Image.Image:
-        """A frame in these colours."""
+    def __call__(self, frame: Pixels) -> Image.Image:
+        """A frame in the colours of the palette."""
         packed = _packed(frame)
         new = np.unique(packed[self._index[packed] < 0])
         if len(new):
@@ -49,8 +49,8 @@ class Palette:
         return image
 
 
-def _packed(frame: Frame) -> NDArray[np.int32]:
-    """One number for each colour."""
+def _packed(frame: Pixels) -> NDArray[np.int32]:
+    """Colours as single numbers, 8 bits for each of red, green and blue."""
     wide = frame.astype(np.int32)
     packed: NDArray[np.int32] = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
     return packed
@@ -61,11 +61,11 @@ def _unpacked(packed: NDArray[np.int32]) -> NDArray[np.int32]:
 
 
 def write_gif(
-    path: Path, frames: Iterable[Frame], seconds: Sequence[float], palette: Palette
+    path: Path, frames: Iterable[Pixels], seconds: Sequence[float], palette: Palette
 ) -> None:
-    """Write frames, each shown for its seconds, again and again.
+    """Write frames as a GIF that repeats; each is shown for its seconds.
 
-    Frames are taken one by one; whatever they raise leaves no file, or the old one.
+    Frames are consumed one by one. If an error interrupts them, the file is not changed.
     """
     images = map(palette, frames)
     with atomic_write(path) as temporary, temporary.open("wb") as file:
@@ -76,5 +76,5 @@ def write_gif(
             append_images=images,
             duration=[round(1000.0 * shown) for shown in seconds],
             loop=0,
-            optimize=True,  # what stays the same is not written again
+            optimize=True,  # unchanged areas are not stored again
         )

@@ -1,4 +1,4 @@
-"""Animations: what the shots of a flight tell, and the GIF they become."""
+"""Animations: what the frames of a flight tell, and the GIF they become."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -12,7 +12,7 @@ from PIL import Image
 from agents.cli.main import main
 from agents.flights.flight import Flight, fly
 from agents.plots.animation.animation import Painter, animate
-from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Shot, frames_of
+from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Frame, frames_of
 from agents.plots.animation.gif import COLOURS, Palette, write_gif
 from agents.policies.planner_policies import planner_policy
 from agents.runtime.kernels import small_field
@@ -61,19 +61,19 @@ def test_each_window_is_a_search_its_plan_and_a_segment_on_the_move(policy: str)
     assert flight.success
     opening, *windows, end = frames_of(flight)
     assert (opening.seconds, end.seconds) == (OPENING, END)
-    searches = [shot for shot in windows if shot.candidates]
+    searches = [frame for frame in windows if frame.candidates]
     searched = [decision for decision in flight.decisions if decision.candidates]
     assert len(searches) == len(searched) > 0
-    for shot, decision in zip(searches, searched, strict=True):
-        assert len(shot.candidates) == decision.report.starts
-        assert len(shot.plan) == 0
-        after = windows[windows.index(shot) + 1]
+    for frame, decision in zip(searches, searched, strict=True):
+        assert len(frame.candidates) == decision.report.starts
+        assert len(frame.plan) == 0
+        after = windows[windows.index(frame) + 1]
         np.testing.assert_array_equal(after.plan, decision.chain)
         assert any(after.start is guess for _, guess in decision.candidates)
         np.testing.assert_array_equal(after.position, decision.chain[0, 0])
         np.testing.assert_array_equal(after.origin, after.position)
         assert after.reach == 15.0 * len(decision.chain)
-    moves = [shot for shot in windows if shot.seconds == MOVE]
+    moves = [frame for frame in windows if frame.seconds == MOVE]
     assert len(windows) == len(moves) + 2 * len(searches)
     np.testing.assert_array_equal(end.flown, flight.control)
     np.testing.assert_array_equal(end.position, flight.field.goal)
@@ -83,15 +83,15 @@ def test_each_window_is_a_search_its_plan_and_a_segment_on_the_move(policy: str)
 
 def test_the_vehicle_moves_evenly_along_what_was_flown() -> None:
     flight = flown("guided", small_field())
-    moves = [shot for shot in frames_of(flight) if shot.seconds == MOVE]
-    positions = np.array([flight.field.start, *(shot.position for shot in moves)])
+    moves = [frame for frame in frames_of(flight) if frame.seconds == MOVE]
+    positions = np.array([flight.field.start, *(frame.position for frame in moves)])
     steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
     assert steps.min() > 0.5 * STRIDE
     assert steps.max() < 1.6 * STRIDE
-    for shot in moves:
-        assert not shot.candidates
-        np.testing.assert_array_equal(shot.trail[0], flight.control[len(shot.flown), 0])
-        np.testing.assert_allclose(shot.trail[-1], shot.position)
+    for frame in moves:
+        assert not frame.candidates
+        np.testing.assert_array_equal(frame.trail[0], flight.control[len(frame.flown), 0])
+        np.testing.assert_allclose(frame.trail[-1], frame.position)
 
 
 def test_a_long_flight_has_longer_strides() -> None:
@@ -109,10 +109,10 @@ def test_a_plan_that_is_tracked_is_shown_once_with_its_route() -> None:
     np.testing.assert_array_equal(opening.route, flight.route.points)
     np.testing.assert_array_equal(planned.plan, flight.decisions[0].chain)
     assert planned.origin is None
-    for shot in moves:
-        assert shot.seconds == MOVE
-        np.testing.assert_array_equal(shot.plan, planned.plan[len(shot.flown) :])
-        assert "planned in" in shot.caption
+    for frame in moves:
+        assert frame.seconds == MOVE
+        np.testing.assert_array_equal(frame.plan, planned.plan[len(frame.flown) :])
+        assert "planned in" in frame.caption
     assert end.route is opening.route
 
 
@@ -143,7 +143,7 @@ def test_a_refused_segment_is_shown() -> None:
 def test_a_policy_that_plans_nothing_is_shown_flying() -> None:
     flight = replace(flown("guided", small_field()), decisions=[])
     _, *moves, end = frames_of(flight)
-    assert all(shot.seconds == MOVE and len(shot.plan) == 0 for shot in moves)
+    assert all(frame.seconds == MOVE and len(frame.plan) == 0 for frame in moves)
     np.testing.assert_array_equal(end.flown, flight.control)
 
 
@@ -165,17 +165,20 @@ def test_the_program_writes_a_gif(capsys: pytest.CaptureFixture[str], tmp_path: 
         for frame in range(image.n_frames):
             image.seek(frame)
             shown.append(image.info["duration"])
-    assert shown == [round(1000 * shot.seconds) for shot in told]
+    assert shown == [round(1000 * frame.seconds) for frame in told]
     assert [name.name for name in tmp_path.iterdir() if name.suffix == ".gif"] == ["flight.gif"]
 
 
-def test_the_vehicle_is_where_the_shot_says_and_obstacles_in_reach_are_darker() -> None:
+def test_the_vehicle_is_drawn_at_its_position_and_obstacles_in_range_are_darker() -> None:
     field = small_field()
     painter = Painter(field, "title")
-    shot = Shot(
+    frame = Frame(
         seconds=1.0, caption="", position=np.array([80.0, 20.0]), heading=np.array([1.0, 0.0])
     )
-    far, looking = painter.paint(shot), painter.paint(replace(shot, origin=field.start, reach=20.0))
+    far, looking = (
+        painter.paint(frame),
+        painter.paint(replace(frame, origin=field.start, reach=20.0)),
+    )
 
     def at(frame: np.ndarray, x: float, y: float) -> tuple[int, ...]:
         column, row = 8 + 720 * (x + 10) / 120, 8 + 720 * (110 - y) / 120
@@ -275,7 +278,7 @@ def test_bad_input_is_one_line_and_status_two(
 def test_what_a_planner_did_not_know_stays_pale() -> None:
     field = get_field("standard/train:0")
     flight = fly("guided+sensing=20", field, 0)
-    counts = [len(shot.known.obstacles) for shot in frames_of(flight) if shot.known is not None]
+    counts = [len(frame.known.obstacles) for frame in frames_of(flight) if frame.known is not None]
     assert counts == sorted(counts)
     assert 0 < counts[0] < counts[-1] <= len(field.obstacles)
     assert all(len(decision.candidates) > 0 for decision in flight.decisions[:3])
