@@ -1,28 +1,25 @@
-"""`ferguson bench solvers`: solvers on the same windows from the same starts.
+"""`ferguson bench solvers`: compares solvers on the same windows from the same initial guesses.
 
-Windows are taken from flights of multi-start. Each solver first solves a window's first start
-once, unmeasured: what it prepares for a size of problem is not what is compared.
+The windows are those of flights of multi-start. Each solver first solves a window from its first
+guess without timing, so that preparations for a problem size are not timed.
 """
 
 from __future__ import annotations
 
-import csv
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from rich.table import Table
 
+from agents.plots.figure import figure_file
 from agents.runtime import terminal_tables
+from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
 from planners.interface import initial_state
 from planners.optimization.certification import Certified, WindowSolver
@@ -34,13 +31,13 @@ from planners.optimization.window import Window
 from planners.receding_horizon.paper import RecedingHorizon
 
 NO_WORSE = 1e-3
-"""An objective this part above another, or above the gate if that is more, is no worse."""
+"""Relative tolerance of objectives that count as equal; relative to the gate if that is larger."""
 _COLOURS = {"ours": drawing.SEGMENTS[0], "slsqp": drawing.SEGMENTS[1], "ipopt": drawing.HORIZON}
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Task:
-    """A window and where its solution starts from."""
+    """A window and its initial guesses."""
 
     name: str
     window: Window
@@ -49,23 +46,23 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class Solved:
-    """A solver's multi-start step in one window."""
+    """The results of one solver in one window."""
 
     solver: str
     window: str
     starts: int
     feasible: int
-    """Starts that led to a certified chain."""
+    """Number of starts that led to a certified chain."""
     objective: float
-    """Least objective of a certified chain [m]; infinite if there is none."""
+    """Least objective of a certified chain [m]; infinite without one."""
     seconds: float
-    """The step: all starts, certification included."""
+    """Time of all starts together, certification included [s]."""
     solve_seconds: list[float]
-    """From each start."""
+    """Time from each start [s]."""
 
 
 def solvers() -> dict[str, WindowSolver]:
-    """What is compared, by name."""
+    """The solvers by name."""
     return {
         "ours": MultiStart(),
         "slsqp": ByExchange(Slsqp()),
@@ -74,7 +71,7 @@ def solvers() -> dict[str, WindowSolver]:
 
 
 def take_windows(planner: RecedingHorizon, fields: Iterable[Field], number: int) -> list[Task]:
-    """The first windows of a planner's flights through fields, in order.
+    """The first windows of a planner's flights through fields.
 
     Raises:
         ValueError: the fields have fewer windows.
@@ -95,7 +92,7 @@ def take_windows(planner: RecedingHorizon, fields: Iterable[Field], number: int)
 
 
 def measure(name: str, solver: WindowSolver, task: Task) -> Solved:
-    """One multi-start step."""
+    """Solve one window from all its guesses."""
     solver.solve(task.window, task.guesses[:1])
     began = time.perf_counter()
     ends: list[Certified] = solver.solve(task.window, task.guesses)
@@ -113,9 +110,9 @@ def measure(name: str, solver: WindowSolver, task: Task) -> Solved:
 
 
 def excess(results: Sequence[Solved], gate: float) -> dict[str, Array]:
-    """By which part each solver's objectives exceed the best of all, window by window.
+    """Relative excess of each solver's objectives over the best one, by solver: (windows,).
 
-    Infinite where it found no certified chain and another did.
+    It is infinite where the solver found no certified chain and another did.
     """
     best: dict[str, float] = {}
     for result in results:
@@ -135,7 +132,7 @@ def excess(results: Sequence[Solved], gate: float) -> dict[str, Array]:
 
 
 def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal) -> None:
-    """Compare; print the table, write steps.csv and solvers.png."""
+    """Run the comparison, print the table, and write steps.csv and solvers.png."""
     results: list[Solved] = []
     with terminal.still_bar() as progress:
         bar = progress.add_task("windows", total=len(tasks))
@@ -158,7 +155,7 @@ def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal
 
 
 def against(name: str, results: Sequence[Solved], gate: float) -> str:
-    """How ours compares with another solver, window by window."""
+    """A sentence that compares our solver with another, window by window."""
     theirs = {r.window: r for r in results if r.solver == name}
     pairs = [(r, theirs[r.window]) for r in results if r.solver == "ours" and r.window in theirs]
     no_worse = sum(a.objective <= b.objective + NO_WORSE * max(b.objective, gate) for a, b in pairs)
@@ -171,16 +168,13 @@ def against(name: str, results: Sequence[Solved], gate: float) -> str:
 
 
 def write(results: Sequence[Solved], path: Path) -> None:
-    """A row for each step."""
-    with atomic_write(path) as temporary, temporary.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["solver", "window", "starts", "feasible", "objective", "seconds"])
-        for r in results:
-            writer.writerow([r.solver, r.window, r.starts, r.feasible, r.objective, r.seconds])
+    """Write steps.csv, a row for each solver and window."""
+    columns = ("solver", "window", "starts", "feasible", "objective", "seconds")
+    write_csv(path, columns, ([getattr(result, name) for name in columns] for result in results))
 
 
 def table(results: Sequence[Solved], gate: float) -> Table:
-    """A row for each solver."""
+    """The table, a row for each solver."""
     rows = terminal_tables.empty_table(
         "Solvers on the same windows from the same starts",
         "solver",
@@ -225,11 +219,9 @@ def _percentiles(values: Array, shares: Sequence[float]) -> str:
 
 
 def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
-    """How long steps take, and how far objectives are from the best of all."""
+    """Draw the distributions of times and of objectives above the best."""
     above = excess(results, gate)
-    with mpl.rc_context(drawing.style()):
-        figure = Figure(figsize=(7.2, 3.0), layout="constrained")
-        FigureCanvasAgg(figure)
+    with figure_file(path, 7.2, 3.0) as figure:
         left, right = figure.subplots(1, 2)
         for name, excesses in above.items():
             seconds = 1e3 * np.sort([r.seconds for r in results if r.solver == name])
@@ -247,5 +239,3 @@ def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
         )
         right.axvline(NO_WORSE, color=drawing.OBSTACLE_EDGE, lw=0.8, ls=":")
         right.legend(loc="lower right", frameon=False, fontsize=7)
-        with atomic_write(path) as temporary:
-            figure.savefig(temporary)

@@ -1,12 +1,11 @@
-"""`ferguson bench env`: steps per second, ours beside Gymnasium's CartPole, in one run.
+"""`ferguson bench env`: steps per second of our environments beside Gymnasium's CartPole.
 
-Rounds of short slices, one of each environment: what slows the machine for a while slows all.
-Ratios are taken within rounds.
+Each round runs a short slice of every environment, so that a slow phase of the machine affects
+all. Ratios are taken within rounds.
 """
 
 from __future__ import annotations
 
-import csv
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -22,6 +21,7 @@ from rich.table import Table
 from agents.benchmarks.environment import startup
 from agents.benchmarks.environment.drivers import DEVIATION, Entry, Slice
 from agents.runtime import provenance, terminal_tables
+from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import atomic_write
@@ -29,7 +29,7 @@ from ferguson_gym.runtime.optional_dependencies import installing
 
 
 class Row(NamedTuple):
-    """An environment in the table, and how many are stepped together."""
+    """An environment, and how many copies are stepped together."""
 
     environment: str
     number: int
@@ -45,27 +45,27 @@ RATIOS = (
     (Row("ObstacleField vector", 16), Row("ObstacleField SyncVectorEnv", 16)),
     (Row("ObstacleField vector", 256), Row("ObstacleField SubprocVecEnv", 2)),
 )
-"""Whose steps per second are compared."""
+"""Pairs whose steps per second are compared."""
 
 Slices = Mapping[Row, Sequence[Slice]]
-"""A slice for each round."""
+"""The slices of each environment, one for each round."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked for."""
+    """Settings of a measurement."""
 
     observation: str
     seconds: float
-    """Of a slice."""
+    """Time of a slice [s]."""
     rounds: int
     seed: int
     first_step: bool
-    """Also time a first step that has to compile."""
+    """Whether a first step with compilation is timed, too."""
 
 
 def bench(entries: Sequence[Entry], request: Request, out: Path | None, terminal: Terminal) -> None:
-    """Measure; print the tables, write steps.csv and summary.json."""
+    """Measure, print the tables, and write steps.csv and summary.json."""
     present = [entry for entry in entries if not entry.missing]
     missing = [Row(entry.name, entry.number) for entry in entries if entry.missing]
     with terminal.still_bar() as progress:
@@ -85,9 +85,9 @@ def bench(entries: Sequence[Entry], request: Request, out: Path | None, terminal
 
 
 def measure(entries: Sequence[Entry], request: Request, progress: Progress) -> Slices:
-    """Warm all up, then give each its slice in every round.
+    """Warm all environments up, then run a slice of each in every round.
 
-    The bar is drawn between slices only: a thread that draws would be timed, too.
+    The progress bar is drawn between slices only, since a drawing thread would be timed.
     """
     drivers = []
     slices: dict[Row, list[Slice]] = {}
@@ -113,14 +113,14 @@ def measure(entries: Sequence[Entry], request: Request, progress: Progress) -> S
 
 
 def speed(slices: Sequence[Slice]) -> Array:
-    """Steps per second, round by round."""
+    """Steps per second of each round (rounds,)."""
     return np.array([one.steps / one.seconds for one in slices])
 
 
 def summary(
     slices: Slices, missing: Sequence[Row], fresh: Mapping[str, float | None], request: Request
 ) -> dict[str, Any]:
-    """All that the tables show, and where it was measured."""
+    """The content of summary.json: settings, results, machine and versions."""
     environments = []
     for row, measured in slices.items():
         flights = sum(one.flights for one in measured)
@@ -155,17 +155,13 @@ def _spread(rounds: Array) -> dict[str, float]:
 
 
 def write(slices: Slices, path: Path) -> None:
-    """A row for each slice."""
-    with atomic_write(path) as temporary, temporary.open("w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow([*Row._fields, "round", *Slice._fields])
-        for row, measured in slices.items():
-            for k, one in enumerate(measured):
-                writer.writerow([*row, k, *one])
+    """Write steps.csv, a row for each slice."""
+    rows = ([*row, k, *one] for row, each in slices.items() for k, one in enumerate(each))
+    write_csv(path, [*Row._fields, "round", *Slice._fields], rows)
 
 
 def speeds(report: Mapping[str, Any]) -> Table:
-    """A row for each environment."""
+    """The table of speeds, a row for each environment."""
     caption = (
         f"medians of {report['rounds']} rounds of {report['seconds']:g} s, {report['threads']} "
         "threads; spread: greatest less least, part of the median. Resets are timed; compilation, "
@@ -202,10 +198,10 @@ def speeds(report: Mapping[str, Any]) -> Table:
 
 
 def ratios(report: Mapping[str, Any]) -> Table:
-    """A row for each comparison."""
+    """The table of ratios, a row for each pair."""
     rows = terminal_tables.empty_table(
         "Ratios of steps per second",
-        "of : to",
+        "environments",
         "median",
         "least",
         "greatest",
@@ -221,7 +217,7 @@ def ratios(report: Mapping[str, Any]) -> Table:
 
 
 def starts(report: Mapping[str, Any]) -> Table:
-    """What fresh processes took."""
+    """The table of start-up times and memory of fresh processes."""
     fresh = report["fresh_process"]
     rows = terminal_tables.empty_table(
         "Fresh processes",

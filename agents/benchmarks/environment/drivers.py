@@ -1,6 +1,6 @@
-"""What `ferguson bench env` drives: ours and Gymnasium's CartPole, each in its ways.
+"""The environments that `ferguson bench env` measures, and drivers that step them.
 
-A driver steps an environment for a slice of time and goes on where the last slice ended.
+A driver steps an environment for a slice of time; the next slice continues from there.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from ferguson_gym.simulation.batch_simulator import FIRST
 from ferguson_gym.simulation.settings import Settings
 
 FIELDS = Settings().fields
-"""That resets draw from."""
+"""Number of fields from which resets draw."""
 DEVIATION = 0.05
-"""Of the actions, around zero; larger ones end flights at once."""
+"""Standard deviation of the actions around zero; larger actions end flights at once."""
 
 
 class Slice(NamedTuple):
-    """What was done in a slice of time."""
+    """The steps and flights of a slice of time."""
 
     steps: int
-    """Of single environments; resets are none."""
+    """Steps of single environments; resets do not count."""
     flights: int
-    """Flights, or episodes, that ended."""
+    """Finished flights (episodes)."""
     seconds: float
 
 
 class Driver(Protocol):
-    """Steps what it was made with."""
+    """Steps an environment for a time."""
 
     def reset(self, seed: int) -> None:
-        """Seed, and start all flights in fields that are drawn from the seeds."""
+        """Seed the environment and start all flights."""
 
     def run(self, seconds: float) -> Slice:
-        """Step for a time, at least once; flights that end are followed by others."""
+        """Step for some seconds, at least once; finished flights are followed by others."""
 
 
 class OneByOne:
@@ -91,13 +91,13 @@ class Together:
         self._over[:] = False
 
     def run(self, seconds: float) -> Slice:
-        """Step; those in which a flight was reset do not count."""
+        """Step; resets do not count."""
         envs, actions = self._envs, self._actions
-        # counted when the clock has stopped
+        # counted after the measurement
         terminations: list[NDArray[np.bool_]] = []
         truncations: list[NDArray[np.bool_]] = []
         began = now = time.perf_counter()
-        while now < began + seconds or len(terminations) < 2:  # one may reset all
+        while now < began + seconds or len(terminations) < 2:  # a single step may only reset
             _, _, terminated, truncated, _ = envs.step(next(actions))
             terminations.append(terminated)
             truncations.append(truncated)
@@ -133,35 +133,35 @@ class ForBaselines:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Entry:
-    """An environment and how it is driven."""
+    """An environment to measure, and its driver."""
 
     name: str
     number: int
-    """Of environments that are stepped together."""
+    """Number of environments that are stepped together."""
     make: Callable[[], AbstractContextManager[Any]]
     driver: Callable[[Any, NDArray[Any]], Driver]
     fields: int
-    """That resets of an environment draw from; 0: it is CartPole."""
+    """Number of fields from which resets draw; 0 for CartPole."""
     share: bool = False
-    """All environments draw from the same fields, laid out once."""
+    """Whether all environments share the same prepared fields."""
 
     @property
     def missing(self) -> bool:
-        """It needs Stable-Baselines3, and that is not installed."""
+        """Whether it needs Stable-Baselines3, which is not installed."""
         return self.driver is ForBaselines and not has_baselines()
 
     def actions(self, rng: np.random.Generator) -> NDArray[Any]:
-        """Actions (batches, number, ...), flown again and again."""
+        """Actions (batches, number, ...), which are repeated."""
         size = (max(64, 2**14 // self.number), self.number)
         if not self.fields:
             return rng.integers(2, size=size)
         return np.clip(rng.normal(0.0, DEVIATION, (*size, 4)), -1.0, 1.0).astype(np.float32)
 
     def warm_up(self, driver: Driver, rng: np.random.Generator) -> None:
-        """Compile, and lay out the fields.
+        """Compile, and prepare the fields.
 
-        The reset after one with a seed draws a block of them for each environment; ten draws a
-        field leave one out with probability exp(-10).
+        Each reset without a seed draws a block of fields for each environment. With ten draws per
+        field, a field is missed with probability exp(-10).
         """
         draws = FIRST * (self.number if self.share else 1)
         for seed in rng.integers(2**31, size=1 + math.ceil(10 * self.fields / draws)).tolist():
@@ -169,12 +169,12 @@ class Entry:
 
 
 def has_baselines() -> bool:
-    """Stable-Baselines3 is installed."""
+    """Whether Stable-Baselines3 is installed."""
     return importlib.util.find_spec("stable_baselines3") is not None
 
 
 def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
-    """What is measured, in the order of the table."""
+    """The environments to measure, in the order of the table."""
 
     def pole(number: int) -> Entry:
         make = partial(_vector, "CartPole-v1", number)
@@ -199,7 +199,7 @@ def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
             for number in (1, 16, 256, 2048)
         ),
         ours(" for SB3", 256, _adapter, ForBaselines, share=True),
-        # each of the 16 holds fields of its own: together as many as the others
+        # each of the 16 has its own fields, together as many as the others
         ours(" SyncVectorEnv", 16, _one_after_another, Together, apart=16),
         ours(" SubprocVecEnv", 2, _in_processes, ForBaselines),
         Entry(

@@ -1,30 +1,30 @@
-"""What a fresh process takes until the environment flies, and what many environments weigh.
+"""Start-up time of a fresh process until the first step, and memory of many environments.
 
-`_first_step` and `_memory` run in processes of their own and time imports: above them nothing is
-imported but what the interpreter holds already.
+`_first_step` and `_memory` run in fresh processes and time imports, so this module imports only
+modules that the interpreter has loaded already.
 """
 
 import sys
 import time
 
 MANY = 2048
-"""Environments that are weighed."""
+"""Number of environments whose memory is measured."""
 STARTS = 3
-"""Number of starts, of which the median is reported."""
+"""Number of fresh processes, of which the median is reported."""
 
 
 def measure(observation: str, with_compilation: bool) -> dict[str, float | None]:
-    """Start fresh processes and ask them.
+    """Measure times and memory in fresh processes.
 
     Args:
         observation: kind of observation.
-        with_compilation: also time a first step with an empty cache of compiled code.
+        with_compilation: whether to time a first step with an empty cache of compiled code.
 
     Returns:
         import_seconds; first_step_seconds, from import to the end of the first step;
         compile_seconds, the same with an empty cache; process_bytes, resident with one
-        environment; many_bytes, what `MANY` more add. None: not asked for, or the system does
-        not say.
+        environment; many_bytes, added by `MANY` more. Values are None if not measured or not
+        available on the system.
     """
     import statistics
     import tempfile
@@ -49,7 +49,7 @@ def _ask(question: str, observation: str, more: dict[str, str]) -> list[float]:
     import subprocess
     from pathlib import Path
 
-    # the same packages as here, wherever that is
+    # import the same packages as this process
     root = str(Path(__file__).parents[3])
     path = os.pathsep.join(filter(None, [root, os.environ.get("PYTHONPATH")]))
     program = (
@@ -68,7 +68,7 @@ def _ask(question: str, observation: str, more: dict[str, str]) -> list[float]:
 
 
 def _first_step(observation: str) -> None:
-    """Print seconds for importing the package, and up to the end of a first step."""
+    """Print the seconds until the package is imported, and until the end of a first step."""
     began = time.perf_counter()
     import ferguson_gym
 
@@ -83,7 +83,7 @@ def _first_step(observation: str) -> None:
 
 
 def _memory(observation: str) -> None:
-    """Print bytes: of the process with one environment, and added by many; nothing if unknown."""
+    """Print the bytes of a process with one environment, and those added by many; if known."""
     import os
     from pathlib import Path
 

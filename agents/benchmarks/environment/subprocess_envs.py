@@ -1,4 +1,4 @@
-"""Environments in processes of their own, which end with their use, however it ends."""
+"""Environments in processes that always end with the block that uses them."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from agents.runtime.interrupts import shield_new_processes
 
 @contextmanager
 def in_processes(makers: Sequence[Callable[[], gym.Env[Any, Any]]]) -> Iterator[Any]:
-    """A `SubprocVecEnv` of Stable-Baselines3."""
+    """A `SubprocVecEnv` of Stable-Baselines3, whose processes end with the block."""
     from stable_baselines3.common.vec_env import SubprocVecEnv
 
     envs = None
     try:
         with shield_new_processes():
-            # spawned, for a process with threads must not be forked
+            # spawned, since a process with threads must not be forked
             envs = SubprocVecEnv(list(makers), start_method="spawn")
         yield envs
         envs.close()
     finally:
         if envs is not None:
-            # after an interruption a pipe may hold half an answer: no polite words
+            # after an interruption a pipe may hold half an answer, so processes are terminated
             for process, pipe in zip(envs.processes, envs.remotes, strict=True):
                 process.terminate()
                 process.join()

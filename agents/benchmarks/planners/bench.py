@@ -1,4 +1,4 @@
-"""`ferguson bench planners`: every planner on the same fields, with the same clock."""
+"""`ferguson bench planners`: compares planners on the same fields; tables and files."""
 
 from __future__ import annotations
 
@@ -45,27 +45,27 @@ COLUMNS = (
     "seconds_first",
     "seconds",
 )
-"""Columns of planners.csv; what a failure does not have is an empty cell."""
+"""Columns of planners.csv; cells that a failed plan has no value for are empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What is asked for."""
+    """The planners, fields and settings of a comparison."""
 
     planners: Sequence[str]
     left_out: Mapping[str, str]
-    """Planners that are not installed, and how they would be."""
+    """Planners that are not installed, with instructions to install them."""
     fields: Sequence[Field]
     seeds: Sequence[int]
     seconds: float | None
-    """Budget of planners that have one; None: their own."""
+    """Search time of planners with a budget [s]; None: their own budgets."""
     workers: int
 
 
 def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
-    """Compare; print the table, write planners.csv, planners.log, summary.json and pictures.
+    """Run the comparison, print the table and write all files.
 
-    Interrupted, it leaves planners.csv with the runs that were finished.
+    After an interruption planners.csv holds the finished runs.
     """
     for name, hint in request.left_out.items():
         terminal.note(f"left out {name}: {hint}")
@@ -75,7 +75,7 @@ def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
     finished: list[Run] = []
     try:
         finished.extend(_runs(request, terminal))
-    finally:  # of what is interrupted, the rows are kept
+    finally:  # finished rows are kept after an interruption
         write_csv(out / "planners.csv", COLUMNS, map(row, finished))
     total = time.perf_counter() - clock
     report = summary(finished, request)
@@ -117,7 +117,7 @@ def row(run: Run) -> list[object]:
 
 
 def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
-    """All that the table shows, and where it was measured."""
+    """The content of summary.json: settings, statistics, machine and versions."""
     return {
         "fields": [field.name for field in request.fields],
         "seeds": list(request.seeds),
@@ -133,11 +133,11 @@ def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
 
 
 def statistics(mine: Sequence[Run]) -> dict[str, Any]:
-    """Of one planner's runs; None where there is no number, or it is infinite."""
+    """Statistics of one planner's runs; None where a number is missing or infinite."""
     successes = [run for run in mine if run.success]
     gaps = [run.gap for run in successes if run.gap is not None]
     causes = Counter(_cause(run) for run in mine if not run.success)
-    # seeds of one field are no independent draws, for many planners no draws at all
+    # seeds on one field are not independent trials, and do not matter to many planners
     fields = len({run.field.name for run in mine})
     low, high = metrics.success_interval(fields * len(successes) / len(mine), fields)
     firsts = [run.seconds_first for run in mine]

@@ -1,6 +1,6 @@
-"""Plans in the log format of OMPL's benchmarks, which its statistics and Planner Arena read.
+"""Writes plans in the log format of OMPL's benchmarks, read by its statistics and Planner Arena.
 
-A log is one experiment: fields and seeds are its runs, and each run says which it was.
+A log is one experiment; each pair of a field and a seed is a run of it.
 
 Reference:
     The grammar in OMPL's documentation, "How to benchmark planners"; Moll, Şucan & Kavraki
@@ -22,7 +22,7 @@ from ferguson_gym import __version__
 from planners.interface import Status
 
 STATUSES = (*(status.label for status in Status), FALSE_SUCCESS)
-"""What the numbers of the property status mean."""
+"""Labels of the values of the property status."""
 _RUN = (
     "field INTEGER",
     "seed INTEGER",
@@ -50,10 +50,10 @@ def write(
     """The lines of a log, each without its end.
 
     Args:
-        runs: in any order; a planner's runs keep theirs.
-        began: when the experiment did.
-        total_seconds: what it took.
-        seconds: budget of planners that have one.
+        runs: in any order, which is kept for each planner.
+        began: start of the experiment.
+        total_seconds: duration of the experiment [s].
+        seconds: search time of planners with a budget [s]; None: their own budgets.
     """
     fields = list(dict.fromkeys(run.field.name for run in runs))
     planners = list(dict.fromkeys(run.planner for run in runs))
@@ -91,7 +91,7 @@ def write(
 
 
 def _measured(run: Run, fields: Sequence[str]) -> tuple[float | None, ...]:
-    """As named in `_RUN`."""
+    """The values of the properties in `_RUN`."""
     return (
         fields.index(run.field.name),
         run.seed,
@@ -113,20 +113,20 @@ def _measured(run: Run, fields: Sequence[str]) -> tuple[float | None, ...]:
 
 
 def _progress(run: Run) -> list[tuple[float, float]]:
-    """A length for each moment: the reader takes no moment twice."""
+    """Times and lengths, one for each time, since readers reject repeated times."""
     return [] if run.route is None else list(dict(run.route.progress).items())
 
 
 def _datum(value: float | None) -> str:
     if value is None:
         return ""
-    if isinstance(value, int):  # truth among them
+    if isinstance(value, int):  # booleans included
         return str(int(value))
     return repr(float(value)) if math.isfinite(value) else "inf"
 
 
 def _word(text: str) -> str:
-    """A name as the format has it, without blanks and bars."""
+    """A name without blanks and bars, which the format does not allow."""
     return re.sub(r"[\s|]+", "_", text)
 
 

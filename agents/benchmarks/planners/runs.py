@@ -1,4 +1,4 @@
-"""Planners on the same fields with the same clock, and what is measured of each plan."""
+"""Plans the same fields with several planners, one after the other, and measures the plans."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Plan, Route, Status, initial_state
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
-"""What plans depend on."""
+"""Libraries that plans depend on, whose versions are recorded."""
 FALSE_SUCCESS = "false_success"
-"""Status of a plan that was reported as solved and does not bear the benchmark's own test."""
+"""Status of a plan that was reported as solved but fails the benchmark's own check."""
 _AFTERWARDS = "planners.csv has the plans before"
 _ROUNDING = 1e-6
-"""By which part a path may seem shorter than the shortest."""
+"""Relative rounding error by which a path may be shorter than the shortest."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Run:
-    """One planner's plan of one field; what a plan that failed does not have is None."""
+    """One planner's plan of one field, measured; values that a failed plan lacks are None."""
 
     planner: str
     field: Field
@@ -41,30 +41,30 @@ class Run:
     status: str
     """The label of the planner's status, or `FALSE_SUCCESS`."""
     route: Route | None
-    """What planners of whole paths found before the fit."""
+    """Route of a whole-path planner before the fit."""
     control: Array
-    """Segments (n, 4, 2) of a success, else none."""
+    """Segments (n, 4, 2) of a success; n = 0 for a failure."""
     exact_length: float | None
-    """Of the field's shortest path [m]."""
+    """Length of the field's shortest path [m]."""
     length: float | None
     clearance: float | None
-    """Least along the path [m]."""
+    """Least clearance along the path [m]."""
     min_turn_radius: float | None
-    """[m]; infinite if it never turns."""
+    """Smallest turn radius [m]; infinite on a straight path."""
     max_turn_speed: float | None
-    """Of a coordinated turn with the paper's roll angle, where the path turns sharpest [m/s]."""
+    """Speed of a coordinated turn at the paper's roll angle at the sharpest turn [m/s]."""
     bending: float | None
     """Integral of squared curvature over arc length [1/m]."""
     evaluations: int | None
-    """Of an objective, in the search; the fit's are not counted."""
+    """Evaluations of the objective in the search, without those of the fit."""
     reason: str
-    """Reason of a crash; empty otherwise."""
+    """Message of a crash; empty otherwise."""
     seconds: float
-    """In total, fit and certification included."""
+    """Planning time with fit and certification [s]."""
 
     @property
     def success(self) -> bool:
-        """Whether the plan was solved and bore the benchmark's own test."""
+        """Whether the plan was solved and passed the benchmark's own check."""
         return self.status == Status.SOLVED.label
 
     @property
@@ -93,7 +93,7 @@ class Run:
 
     @property
     def seconds_first(self) -> float | None:
-        """Until there was a first route; without routes, until there was a path."""
+        """Time until the first route or, without routes, until the path [s]."""
         if self.route is not None:
             return self.route.progress[0][0]
         return self.seconds if self.success else None
@@ -105,7 +105,7 @@ class Run:
 
 
 def certified(control: Array, field: Field) -> bool:
-    """Whether segments (n, 4, 2) are a flight from a field's start to its goal."""
+    """Whether segments (n, 4, 2) are a feasible path from a field's start to its goal."""
     try:
         path = Path(control)
     except ValueError:  # joints that do not meet
@@ -122,21 +122,21 @@ def certified(control: Array, field: Field) -> bool:
 
 
 def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
-    """Plan one field from its start: what a worker process is handed.
+    """Plan one field from its start and measure the plan; called in worker processes.
 
-    A planner whose library crashes has failed. Any other error is a fault in a program and
-    goes on, with a note of where it happened.
+    A crash of a planner's library is a failed plan. Any other error is raised with a note that
+    names the planner and the field.
 
     Args:
         name: of the planner.
-        seconds: budget of a planner that has one; None: its own.
-        field: what is planned.
+        seconds: search time of a planner with a budget [s]; None: its own budget.
+        field: field to plan.
         seed: of the planner.
 
     Raises:
-        ValueError: an unknown planner.
+        ValueError: the planner is unknown.
     """
-    # planners may remember a field by its identity: every run of it has its own
+    # planners may cache by a field's identity, so each run gets its own copy
     field = dataclasses.replace(field)
     try:
         planner = warm(name, seconds)
@@ -150,7 +150,7 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
 
 
 def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> Run:
-    """The measurements of a plan."""
+    """Measure a plan that took some seconds."""
     status = plan.status.label
     path: Path | None = None
     if plan.success:
@@ -185,9 +185,9 @@ def runs(
     seeds: Sequence[int],
     workers: int,
 ) -> Iterator[Run]:
-    """Every planner on every field with every seed, in an order that does not depend on workers.
+    """Run every planner on every field with every seed, in an order independent of workers.
 
-    All planners take a field one after the other: what slows the machine for a while slows all.
+    All planners plan a field before the next, so that a slow phase of the machine affects all.
 
     Raises:
         WorkerDiedError: a worker died.

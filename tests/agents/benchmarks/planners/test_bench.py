@@ -10,7 +10,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-from agents.benchmarks.planners import plots
+from agents.benchmarks.planners import styles
 from agents.benchmarks.planners.bench import COLUMNS, statistics
 from agents.benchmarks.planners.plots import LEAST_GAP, draw, median_progress
 from agents.benchmarks.planners.runs import FALSE_SUCCESS, Run, certified, measure, run, runs
@@ -360,5 +360,5 @@ def test_what_was_finished_is_kept_when_a_planner_is_at_fault(
 
 def test_every_planner_of_the_catalog_has_a_colour_and_a_marker_of_its_own() -> None:
     ours = [make for make in PLANNERS.values() if make.__module__.startswith("planners.")]
-    for looks in (plots._COLOURS, plots._MARKERS):
-        assert len(set(looks)) == len(looks) >= len(ours) >= 13
+    for values in (styles.COLOURS, styles.MARKERS):
+        assert len(set(values)) == len(values) >= len(ours) >= 13
