@@ -209,12 +209,13 @@ _GAPS = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
 
 def _caption(report: Mapping[str, Any]) -> str:
     caption = (
-        "gap: median, 90th and 99th percentile after the fit, raw gap before it, turn: smallest "
-        "radius; these over successes alone, so a planner that fails on hard fields looks better. "
-        "Interval: Wilson's, over fields. first: until a route, or a path where there are no "
-        "routes; what found none counts as never. total: all plans, fit and certification "
-        "included. false: reported as solved, but not feasible; they count as failures."
+        "gap: length / shortest length - 1 after the fit, median, 90th and 99th percentile; raw "
+        "gap: before the fit; turn: smallest turn radius; these are over successes alone, so a "
+        "planner that fails on hard fields looks better. Interval: Wilson's, over fields. first: "
+        "time until a route, or the path of planners without routes; infinite for failures. total: "
+        "planning time with fit and certification. false: reported as solved, but not feasible; "
+        "they count as failures."
     )
     if report["workers"] > 1:
-        caption += f" Times with {report['workers']} workers beside each other do not compare."
+        caption += f" Times measured with {report['workers']} workers at once are not comparable."
     return caption

@@ -53,7 +53,7 @@ def draw_paths(runs: Sequence[Run], styles: Mapping[str, Style], path: FilePath)
         figure.legend(
             handles=[_handle(run, styles[run.planner].colour) for run in runs],
             labels=[_entry(run) for run in runs],
-            title="stripes: planners on the same way; dotted: failed",
+            title="stripes: planners with the same path; dotted: failed",
             title_fontsize=7.5,
             loc="outside lower center",
             ncols=3,
