@@ -68,15 +68,6 @@ def test_bad_arguments_are_one_line_and_status_two(
     assert not target.exists()
 
 
-def test_a_file_in_the_place_of_results_is_refused(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    (tmp_path / "taken").write_text("mine")
-    assert main([*BENCH, "--out", str(tmp_path / "taken")]) == 2
-    assert "is a file, not a directory" in capsys.readouterr().err
-    assert (tmp_path / "taken").read_text() == "mine"
-
-
 def test_windows_are_those_of_the_flights_in_order() -> None:
     planner = RecedingHorizon(random_starts=2)
     tasks = take_windows(planner, get_fields("sparse/train:0-1"), 9)

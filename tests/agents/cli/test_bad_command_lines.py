@@ -86,6 +86,7 @@ OF_PLANNERS = {
     f"{PLANNERS} --planner giuded": "unknown planner 'giuded' (did you mean 'guided'?)",
     f"{PLANNERS} --seconds -1": "need seconds, a number above 0, got '-1'",
     f"{PLANNERS} --fields sparse/train:0-99999999": "at most 1000000 flights",
+    "bench solvers --out taken --ipopt-every 0": "taken is a file, not a directory",
     "bench solvers --out results --windows 0": "from 1 on, got '0'",
     "bench env --seconds nan": "need seconds, a number above 0, got 'nan'",
     "bench kites": "invalid choice: 'kites'; choose from planners, solvers, env",
