@@ -111,7 +111,7 @@ def _layers(given: Any) -> Sequence[int] | None:
         return [64, 64]
     if type(given) is dict:
         given = given.get("pi", [])
-    return given if type(given) is list and all(_is_size(one) for one in given) else None
+    return given if type(given) is list and all(map(_is_size, given)) else None
 
 
 def _is_size(given: Any) -> bool:

@@ -32,7 +32,7 @@ class Plain(BaseFeaturesExtractor):
     """
 
     def __init__(self, observation_space: spaces.Dict) -> None:
-        sizes = {key: spaces.flatdim(one) for key, one in observation_space.spaces.items()}
+        sizes = {key: spaces.flatdim(box) for key, box in observation_space.spaces.items()}
         rows = sizes.get("mask", 0) + sizes.get("obstacles", 0)
         super().__init__(observation_space, VEHICLE_SIZE + rows + 2 * sizes.get("rays", 0))
 
@@ -114,9 +114,9 @@ class Attention(BaseFeaturesExtractor):
         present = torch.cat([torch.ones_like(mask[:, :1]), mask], dim=1) > 0.5
         for layer in self.layers:
             tokens = layer(tokens, present[:, None, None, :])
-        away = mask[:, :, None] < 0.5
-        best = tokens[:, 1:].masked_fill(away, -torch.inf).amax(dim=1)
-        best = best.masked_fill(away.all(dim=1), 0.0)
+        absent = mask[:, :, None] < 0.5
+        best = tokens[:, 1:].masked_fill(absent, -torch.inf).amax(dim=1)
+        best = best.masked_fill(absent.all(dim=1), 0.0)
         return torch.cat([tokens[:, 0], best, own, *_rays(observation)], dim=1)
 
 
@@ -157,9 +157,9 @@ def _rays_of(space: spaces.Dict) -> int:
 
 def _own(observation: dict[str, Tensor]) -> Tensor:
     """Goal and vehicle (n, VEHICLE_SIZE), with the goal on finer scales as well."""
-    distance, way = observation["goal"][:, :1], observation["goal"][:, 1:]
+    distance, direction = observation["goal"][:, :1], observation["goal"][:, 1:]
     finer = [(scale * distance).clamp(max=1.0) for scale in GOAL_SCALES]
-    nearer = [part for near in finer for part in (near, near * way)]
+    nearer = [part for near in finer for part in (near, near * direction)]
     return torch.cat([observation["goal"], observation["vehicle"], *nearer], dim=1)
 
 
@@ -172,10 +172,10 @@ def _split(observation: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     own = _own(observation)
     rows = observation["obstacles"].view(len(own), -1, 4)
     centre = rows[:, :, :2]
-    way = centre / (centre.norm(dim=2, keepdim=True) + DIRECTION_OFFSET)
+    direction = centre / (centre.norm(dim=2, keepdim=True) + DIRECTION_OFFSET)
     return (
         own,
-        torch.cat([rows, way, torch.exp(-NEARNESS_DECAY * rows[:, :, 3:])], dim=2),
+        torch.cat([rows, direction, torch.exp(-NEARNESS_DECAY * rows[:, :, 3:])], dim=2),
         observation["mask"],
     )
 

@@ -94,12 +94,12 @@ def parse_card(text: str, where: str = "card") -> ModelCard:
         entries = json.loads(text)
     except (ValueError, RecursionError):
         raise ValueError(f"{where}: not JSON, or cut short") from None
-    fields = {one.name: one for one in dataclasses.fields(ModelCard)}
+    fields = {entry.name: entry for entry in dataclasses.fields(ModelCard)}
     if not isinstance(entries, dict) or set(entries) != set(fields):
         raise ValueError(f"{where}: not a model's card; it has the entries {', '.join(fields)}")
     kinds = {"str": str, "int": int, "dict[str, Any]": dict, "list[dict[str, Any]]": list}
-    for name, one in fields.items():
-        kind = kinds.get(str(one.type))
+    for name, entry in fields.items():
+        kind = kinds.get(str(entry.type))
         if kind is not None and type(entries[name]) is not kind:
             raise ValueError(f"{where}: {name} should be of type {kind.__name__}")
     card = ModelCard(**entries)

@@ -31,7 +31,7 @@ def best() -> str | None:
     """The policy name of the best shipped agent, options included; None if no file names it.
 
     Raises:
-        ValueError: the file that names it is damaged.
+        ValueError: The file that names it is damaged.
     """
     file = SHIPPED / f"{BEST}.json"
     if not file.exists():

@@ -98,8 +98,8 @@ def _check_sizes(given: object) -> None:
     if isinstance(given, (list, tuple)):
         if len(given) > MAX_LAYERS:
             raise ValueError(f"at most {MAX_LAYERS} layers, got {len(given)}")
-        for one in given:
-            _check_sizes(one)
+        for entry in given:
+            _check_sizes(entry)
     elif isinstance(given, int) and given > MAX_WIDTH:
         raise ValueError(f"layers of at most {MAX_WIDTH} units, got {given}")
 

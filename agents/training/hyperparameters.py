@@ -49,7 +49,7 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
     """The recipe of a file, or of a shipped one by its name.
 
     Args:
-        given: path of a YAML file, or a name in `agents/hyperparameters`, for example ppo.
+        given: path of a YAML file, or a name in `agents/training/configs`, for example ppo.
         known: the algorithm's own keys; any other is refused.
 
     Raises:
