@@ -128,7 +128,7 @@ def prepare(options: argparse.Namespace) -> Job:
         make_policy(policy)
     request = Request(policies=options.policy, fields=fields, seeds=options.seeds)
     if not options.fresh:
-        work.check(work.Work(options.out, request))
+        work.is_finished(work.Work(options.out, request))
     executors.check(backend)
     terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
@@ -138,7 +138,7 @@ def prepare(options: argparse.Namespace) -> Job:
                 request,
                 options.out,
                 backend,
-                together=options.batch,
+                batch=options.batch,
                 command=command(options),
                 fresh=options.fresh,
                 terminal=terminal,

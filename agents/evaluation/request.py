@@ -1,12 +1,12 @@
-"""What an evaluation is asked for, and how its flights are divided into chunks.
+"""The request of an evaluation, and how its flights are divided into chunks.
 
-The flights come in the order of flights.csv: policy after policy, field after field, seed after
-seed. A chunk is a stretch of them with one policy.
+Flights are in the order of flights.csv: by policy, then by field, then by seed. A chunk is a range
+of consecutive flights of one policy.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import groupby
@@ -18,10 +18,10 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 
 PLANNED, BATCHED = 10, 256
-"""Flights in a chunk, of planners and of agents that fly in batches; those of unfinished chunks
-are flown again after an interruption."""
+"""Flights in a chunk of a planner, and of an agent that flies in batches. After an interruption
+the flights of unfinished chunks are flown again."""
 Source = str | Field
-"""A field, or the name of one that means the same everywhere: `standard/test:7`."""
+"""A field, or the name of a field that every worker can draw: `standard/test:7`."""
 
 
 def name_of(source: Source) -> str:
@@ -30,7 +30,7 @@ def name_of(source: Source) -> str:
 
 
 def field_of(source: Source) -> Field:
-    """The field itself, drawn if need be."""
+    """The field itself."""
     return get_field(source) if isinstance(source, str) else source
 
 
@@ -42,7 +42,7 @@ def is_batched(policy: str) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chunk:
-    """Flights first to last (not included) of those of a policy."""
+    """Flights `first` to `last - 1` of a policy."""
 
     number: int
     policy: str
@@ -55,10 +55,10 @@ class Chunk:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Which flights are wanted: they are a function of it.
+    """Which flights to fly; except for times, the results are a function of it.
 
     Raises:
-        ValueError: nothing to fly.
+        ValueError: There are no policies, fields or seeds.
     """
 
     policies: Sequence[str]
@@ -66,7 +66,7 @@ class Request:
     seeds: Sequence[int]
     """Policy seeds."""
     chunk: int | None = None
-    """Flights in a chunk; None: `BATCHED` or `PLANNED`. It changes no flight."""
+    """Flights in a chunk; None: `BATCHED` or `PLANNED`. No flight depends on it."""
     software: Mapping[str, Any] = field(default_factory=provenance.software)
     """Versions and commit, which may change flights."""
 
@@ -82,11 +82,11 @@ class Request:
 
     @property
     def each(self) -> int:
-        """Number of flights of a policy."""
+        """Number of flights of each policy."""
         return len(self.fields) * len(self.seeds)
 
     def flight(self, index: int) -> tuple[Source, int]:
-        """Field and seed of a flight, in the order of those of a policy."""
+        """Field and seed of a flight, by its index among the flights of a policy."""
         place, turn = divmod(index, len(self.seeds))
         return self.fields[place], self.seeds[turn]
 
@@ -101,15 +101,9 @@ class Request:
                 parts.append(Chunk(number=len(parts), policy=policy, first=first, last=last))
         return parts
 
-    def keys(self, chunk: Chunk) -> Iterator[tuple[str, str, int]]:
-        """Policy, field and seed of the flights in a chunk."""
-        for index in range(chunk.first, chunk.last):
-            source, seed = self.flight(index)
-            yield chunk.policy, name_of(source), seed
-
     @cached_property
     def configuration(self) -> dict[str, Any]:
-        """What makes it this request, as values that JSON has."""
+        """Everything that distinguishes this request from others, as JSON values."""
         given = [source for source in self.fields if isinstance(source, Field)]
         return {
             "policies": {policy: provenance.models(policy) for policy in self.policies},
@@ -122,19 +116,19 @@ class Request:
 
 
 def spans(names: Sequence[str]) -> list[str]:
-    """Names in order, those that count on drawn together: `paper:1-4`, `:0-9` as `0-9`."""
-    told: list[str] = []
+    """Names in order, with consecutive numbers as ranges: `paper:1-4`, and `:0-9` as `0-9`."""
+    found: list[str] = []
     numbered = [(*name.rpartition(":")[::2], place) for place, name in enumerate(names)]
     for _, group in groupby(numbered, lambda one: _run(*one)):
         run = list(group)
         family, first, _ = run[0]
         last = run[-1][1]
         numbers = first if len(run) == 1 else f"{first}-{last}"
-        told.append(f"{family}:{numbers}" if family else numbers)
-    return told
+        found.append(f"{family}:{numbers}" if family else numbers)
+    return found
 
 
 def _run(family: str, number: str, place: int) -> tuple[str, int | str]:
-    # names that count on keep the same difference to their place
+    # the difference between number and place is constant along a range
     counts = number.isdecimal() and str(int(number)) == number
     return family, int(number) - place if counts else f"{number} {place}"

@@ -1,26 +1,27 @@
-"""An evaluation on disk: flights.csv, timings.csv and paths.npz, written flight after flight."""
+"""The files of an evaluation, written and read: flights.csv, timings.csv and paths.npz."""
 
 from __future__ import annotations
 
 import math
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.evaluation.records import Record
-from agents.runtime.csv_files import csv_table
+from agents.flights.flight_table import TIMES, FlightTable
+from agents.runtime.csv_files import write_csv
+from agents.runtime.safe_npz import reason
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import atomic_write
 
+KEYS = ("policy", "field", "seed")
 FLIGHT_COLUMNS = (
-    "policy",
-    "field",
-    "seed",
+    *KEYS,
     "outcome",
     "success",
     "length",
@@ -30,70 +31,50 @@ FLIGHT_COLUMNS = (
     "segments",
     "min_turn_radius",
 )
-"""Columns of flights.csv: nothing in it that a clock decides."""
-TIMING_COLUMNS = (
-    "policy",
-    "field",
-    "seed",
-    "decision_seconds_median",
-    "decision_seconds_max",
-    "seconds",
-)
-"""Columns of timings.csv. Decisions have no times where they were taken in a batch, whose flights
-have equal shares of its seconds."""
+"""Columns of flights.csv, none of which depends on a clock."""
+TIMING_COLUMNS = (*KEYS, *TIMES)
+"""Columns of timings.csv. Decisions of a batch are taken together and have no times of their own;
+each of its flights has an equal share of the batch's seconds."""
 
 
-def flight_row(flight: Record) -> list[object]:
-    """A row of flights.csv; what does not exist is an empty cell."""
-    return [
-        flight.policy,
-        flight.field,
-        flight.seed,
-        flight.outcome.label,
-        int(flight.success),
-        repr(flight.length),
-        "" if flight.exact_length is None else repr(flight.exact_length),
-        "" if flight.gap is None else repr(flight.gap),
-        repr(flight.clearance),
-        flight.segments,
-        repr(flight.min_turn_radius) if math.isfinite(flight.min_turn_radius) else "inf",
-    ]
+def write_tables(directory: Path, flights: FlightTable) -> None:
+    """Write flights.csv and timings.csv into a directory that exists; NaN is an empty cell."""
+    write_csv(directory / "flights.csv", FLIGHT_COLUMNS, flight_rows(flights))
+    times = [(f"{value:.6f}" for value in flights[name].tolist()) for name in TIMES]
+    cells = ((("" if cell == "nan" else cell) for cell in column) for column in times)
+    write_csv(
+        directory / "timings.csv",
+        TIMING_COLUMNS,
+        ((*key, *row) for key, row in zip(_keys(flights), zip(*cells, strict=True), strict=True)),
+    )
 
 
-def timing_row(flight: Record) -> list[object]:
-    """A row of timings.csv; what was not measured is an empty cell."""
-    asked = flight.decision_seconds
-    return [
-        flight.policy,
-        flight.field,
-        flight.seed,
-        f"{np.median(asked):.6f}" if len(asked) else "",
-        f"{asked.max():.6f}" if len(asked) else "",
-        f"{flight.seconds:.6f}",
-    ]
+def flight_rows(flights: FlightTable) -> Iterator[tuple[object, ...]]:
+    """Rows of flights.csv."""
+    names = ("length", "exact_length", "gap", "clearance", "segments", "min_turn_radius")
+    numbers = zip(*(flights[name].tolist() for name in names), strict=True)
+    for key, outcome, row in zip(_keys(flights), flights.outcomes, numbers, strict=True):
+        cells = ("" if math.isnan(value) else repr(value) for value in row)
+        yield (*key, outcome.label, int(outcome.success), *cells)
 
 
-def write_flights(directory: Path, flights: Iterable[Record]) -> Iterator[Record]:
-    """Write flights.csv and timings.csv into a directory that exists, and pass the flights on."""
-    with (
-        csv_table(directory / "flights.csv", FLIGHT_COLUMNS) as rows,
-        csv_table(directory / "timings.csv", TIMING_COLUMNS) as times,
-    ):
-        for flight in flights:
-            rows.writerow(flight_row(flight))
-            times.writerow(timing_row(flight))
-            yield flight
+def _keys(flights: FlightTable) -> Iterator[tuple[str, str, int]]:
+    places = zip(
+        flights.policy.tolist(), flights.field.tolist(), flights.seed.tolist(), strict=True
+    )
+    for policy, field, seed in places:
+        yield flights.policies[policy], flights.fields[field], flights.seeds[seed]
 
 
-def write_paths(path: Path, flights: Sequence[Record], controls: Iterable[Array]) -> None:
-    """Write paths.npz whole; the same flights give the same file.
+def write_paths(path: Path, flights: FlightTable, controls: Iterable[Array]) -> None:
+    """Write paths.npz; the same flights give the same file.
 
     Args:
-        path: where.
-        flights: all.
-        controls: their segments (n, 4, 2), or several flights' together, in the same order.
+        path: Of the file.
+        flights: All flights.
+        controls: Their segments (m, 4, 2) in order, in portions of any size.
     """
-    offsets = np.cumsum([0, *(flight.segments for flight in flights)])
+    offsets = np.cumsum(np.concatenate([[0], flights["segments"]]))
     with (
         atomic_write(path) as temporary,
         zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive,
@@ -106,9 +87,9 @@ def write_paths(path: Path, flights: Sequence[Record], controls: Iterable[Array]
                 file.write(np.ascontiguousarray(control, "<f8").tobytes())
         rest: dict[str, NDArray[Any]] = {
             "offsets": offsets,
-            "policy": np.array([flight.policy for flight in flights]),
-            "field": np.array([flight.field for flight in flights]),
-            "seed": np.array([flight.seed for flight in flights]),
+            "policy": np.array(flights.policies)[flights.policy],
+            "field": np.array(flights.fields)[flights.field],
+            "seed": np.array(flights.seeds)[flights.seed],
         }
         for key, values in rest.items():
             with _entry(archive, key) as file:
@@ -117,8 +98,82 @@ def write_paths(path: Path, flights: Sequence[Record], controls: Iterable[Array]
 
 @contextmanager
 def _entry(archive: zipfile.ZipFile, name: str) -> Iterator[IO[bytes]]:
-    # of no date, so that equal contents make equal files
+    # without a date, so that equal contents make equal files
     entry = zipfile.ZipInfo(f"{name}.npy")
     entry.compress_type = zipfile.ZIP_DEFLATED
     with archive.open(entry, "w", force_zip64=True) as file:
         yield file
+
+
+class Paths(Protocol):
+    """The paths of all flights, too many to hold at once."""
+
+    @property
+    def segments(self) -> NDArray[np.int64]:
+        """(n,) number of segments of each flight."""
+
+    def control(self, flights: Iterable[int]) -> dict[int, Array]:
+        """Segments (m, 4, 2) of some flights, whose indices ascend."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class StoredPaths:
+    """The paths in a paths.npz."""
+
+    path: Path
+    segments: NDArray[np.int64]
+
+    def control(self, flights: Iterable[int]) -> dict[int, Array]:
+        """Segments (m, 4, 2) of some flights, whose indices ascend.
+
+        Raises:
+            ValueError: The file is damaged.
+        """
+        ends = np.cumsum(self.segments)
+        total = int(self.segments.sum())
+        with (
+            _opened(self.path),
+            zipfile.ZipFile(self.path) as archive,
+            archive.open("control.npy") as file,
+        ):
+            np.lib.format.read_magic(file)
+            shape, _, kind = np.lib.format.read_array_header_1_0(file)
+            if kind != np.float64 or shape != (total, 4, 2):
+                raise ValueError(f"control is {shape} of {kind}, and offsets end on {total}")
+            size, first = 8 * kind.itemsize, file.tell()
+            found = {}
+            for k in flights:
+                file.seek(first + size * int(ends[k] - self.segments[k]))
+                read = file.read(size * int(self.segments[k]))
+                found[k] = np.frombuffer(read).reshape(-1, 4, 2)
+            return found
+
+
+def read_paths(path: Path, number: int) -> StoredPaths:
+    """The paths of as many flights as flights.csv has.
+
+    Raises:
+        ValueError: The file is damaged, or has the paths of another number of flights.
+    """
+    # opened here: NumPy leaves a file open whose contents are not a zip archive
+    with _opened(path), path.open("rb") as file, np.load(file, allow_pickle=False) as data:
+        offsets: NDArray[np.int64] = data["offsets"]
+        if offsets.ndim != 1 or offsets.dtype.kind != "i" or (np.diff(offsets) < 0).any():
+            raise ValueError("offsets are not ascending whole numbers")
+        if len(offsets) and offsets[0] != 0:
+            raise ValueError("offsets do not begin with 0")
+    if len(offsets) != number + 1:
+        raise ValueError(
+            f"{path} has {len(offsets) - 1} flights and flights.csv has {number}: they are not of "
+            "one evaluation"
+        )
+    return StoredPaths(path, np.diff(offsets))
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[None]:
+    """Turn whatever a library raises on a damaged file into one error that names the file."""
+    try:
+        yield
+    except Exception as error:
+        raise ValueError(f"{path} does not hold the paths of flights: {reason(error)}") from None

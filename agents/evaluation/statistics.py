@@ -1,8 +1,8 @@
-"""Statistics of an evaluation: of each policy, of pairs of them, and how sure they are.
+"""Statistics of an evaluation: of each policy and of pairs of policies, with intervals.
 
-Failures are never dropped. In SPL a failure counts 0; a gap of a failure is infinite; in a
-comparison a failure loses against any success. Only fields whose shortest path is not known
-have no part in gaps, and for all policies alike. Intervals are for 95 %.
+Failed flights are never dropped. In SPL a failure counts 0; its gap is infinite; in a comparison it
+loses against any success. Only fields whose shortest path is not known are left out of gaps, for
+all policies. Intervals are for 95 %.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.stats import binomtest, trim_mean
 
 from agents.evaluation.bootstrap import (
@@ -24,7 +24,8 @@ from agents.evaluation.bootstrap import (
     resampled_means,
     resampled_quartile_means,
 )
-from agents.evaluation.flight_table import FlightTable, read
+from agents.evaluation.reading import read
+from agents.flights.flight_table import TIMES, FlightTable
 from agents.flights.metrics import (
     CONFIDENCE,
     Interval,
@@ -35,43 +36,44 @@ from agents.flights.metrics import (
     success_interval,
 )
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.outcome import Outcome
 
 TIE = 1e-5
-"""Lengths [m] that differ by no more are alike: the tolerance of every test of a flight."""
+"""Lengths that differ by at most this are ties [m]: the tolerance of every feasibility test."""
 LEAST_GAP = 1e-5
-"""Where performance profiles begin; smaller gaps are all the same."""
+"""Gap at which performance profiles begin."""
 FEW = 20
-"""Fields below which readers are warned of intervals."""
+"""Number of fields below which a caution on intervals is shown."""
 _LEVELS = 241
-"""Of a performance profile, at equal ratios."""
+"""Number of levels of a performance profile, at equal ratios."""
 
 HOW = {
     "success": "Share of flights that were feasible and ended on the goal; Wilson's interval, over "
-    "fields: several policy seeds on a field count as one trial, since they may all be alike.",
+    "fields: several policy seeds on a field count as one trial, since they may fly alike.",
     "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and "
     "so does a field without a known shortest path. Bootstrap interval over fields, and over "
     "policy seeds where there are several.",
-    "gap": "Length / exact - 1; a failure's is infinite, so that the median, the interquartile "
-    "mean and the percentiles are infinite for policies that fail too often. Fields without a "
-    "known shortest path are left out, for all policies. Bootstrap interval as for SPL.",
+    "gap": "Length / exact - 1; a failed flight has an infinite gap, so that the median, the "
+    "interquartile mean and the percentiles are infinite for policies that fail too often. Fields "
+    "without a known shortest path are left out, for all policies. Bootstrap interval as for SPL.",
     "pairs": "On the same fields and seeds. Success: exact McNemar test on the fields where one "
     "policy succeeds (with several seeds: succeeds more often) than the other, also "
     "adjusted by Holm for the number of pairs. SPL: paired bootstrap.",
-    "improvement": "Share of flights in which the first is shorter; alike within 1e-5 m, or both "
-    "failed, counts half; a failure loses against any success.",
-    "profiles": "Share of flights with a gap of at most x; a failure never has one.",
-    "times": "Measured on up to 20 flights of each policy, one policy at a time, when nothing else "
-    "of the evaluation ran: median and 99th percentile over all decisions, median over flights. "
-    "Results that lack them show medians and 99th percentiles over flights as they were flown.",
+    "improvement": "Share of flights in which the first policy is shorter; a tie within 1e-5 m, or "
+    "two failures, count half; a failure loses against any success.",
+    "profiles": "Share of flights with a gap of at most x; a failure has none.",
+    "times": "Measured on up to 20 flights of each policy, one policy at a time, while nothing "
+    "else of the evaluation ran: median and 99th percentile over decisions, median over flights. "
+    "Results without them show medians and 99th percentiles over flights of the evaluation itself.",
 }
-"""What each statistic is and how it treats failures, for people."""
+"""What each statistic is and how it treats failures: sentences for summary.json and the report."""
 
 
 def summarise(directory: str | Path, seed: int = 0) -> dict[str, Any]:
     """Statistics of a results directory, as `summary` has them.
 
     Raises:
-        ValueError: as `agents.evaluation.flight_table.read`.
+        ValueError: As `agents.evaluation.reading.read`.
     """
     return summary(read(Path(directory)), seed)
 
@@ -79,11 +81,11 @@ def summarise(directory: str | Path, seed: int = 0) -> dict[str, Any]:
 def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
     """All statistics as JSON values; the same flights and seed give the same.
 
-    What is infinite or does not exist is None: a gap is infinite where `gap_flights` is not 0.
+    Values that are infinite or missing are None; a gap is infinite where `gap_flights` is not 0.
 
     Args:
-        flights: of an evaluation.
-        seed: of the bootstrap.
+        flights: All flights of an evaluation.
+        seed: Of the bootstrap.
 
     Returns:
         `policies` and `pairs`, a list of objects each; `profiles` with `gap`, the levels, and
@@ -91,7 +93,7 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
     """
     policies = policy_statistics(flights, seed)
     gaps = _gaps(flights)
-    levels = profile_levels(flights.gap[flights.success])
+    levels = profile_levels(flights["gap"][flights.success])
     return {
         "flights": len(flights),
         "fields": len(flights.fields),
@@ -113,10 +115,10 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
 
 
 def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
-    """Of each policy: success, SPL, gaps, times; `HOW` says how failures are treated."""
+    """Success, SPL, gaps and times of each policy; `HOW` says how failures are treated."""
     if len(flights) == 0:
         return []
-    shares = flights.grid(path_share(flights.success, flights.length, flights.exact))
+    shares = flights.grid(path_share(flights.success, flights["length"], flights["exact_length"]))
     spl = resampled_means(shares, seed)
     gaps = _gaps(flights)
     found = []
@@ -135,7 +137,7 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
                 "flights": number,
                 "fields": fields,
                 "successes": successes,
-                "outcomes": _counts([flights.outcome[i] for i in np.flatnonzero(mine)]),
+                "outcomes": _counts(flights["outcome"][mine]),
                 "success": successes / number,
                 "success_low": success.low,
                 "success_high": success.high,
@@ -147,7 +149,7 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
                 **_bounds("gap_iqm", mean_interval),
                 "gap_90": finite(quantile(known.tolist(), 0.9)),
                 "gap_99": finite(quantile(known.tolist(), 0.99)),
-                **_times({name: _known(seconds[mine]) for name, seconds in flights.times.items()}),
+                **_times({name: _known(flights[name][mine]) for name in TIMES}),
             }
         )
     return found
@@ -164,12 +166,12 @@ def _times(seconds: Mapping[str, Array]) -> dict[str, float | None]:
 
 
 def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
-    """Of each pair of policies on the same fields and seeds; `HOW` says how failures count."""
+    """Comparison of each pair of policies on the same fields and seeds, as `HOW` says."""
     pairs = list(itertools.combinations(range(len(flights.policies)), 2))
     if not pairs:
         return []
-    shares = flights.grid(path_share(flights.success, flights.length, flights.exact))
-    lengths = flights.grid(np.where(flights.success, flights.length, math.inf))
+    shares = flights.grid(path_share(flights.success, flights["length"], flights["exact_length"]))
+    lengths = flights.grid(np.where(flights.success, flights["length"], math.inf))
     first, second = (np.array(side) for side in zip(*pairs, strict=True))
     better = improvement(lengths[first], lengths[second])
     drawn_spl = resampled_means(shares[first] - shares[second], seed)
@@ -226,12 +228,12 @@ def success_wins(first: Array, second: Array) -> tuple[int, int]:
 
 
 def mcnemar(first: int, second: int) -> float:
-    """Chance of wins so unequal, or more, if both were equally good: McNemar's exact test.
+    """p-value of McNemar's exact test: of wins at least so unequal if both were equally good.
 
     Args:
         first: fields on which only the first succeeded.
         second: fields on which only the second did. Fields where both succeed or both fail
-            tell nothing of the difference.
+            carry no information on the difference.
 
     Reference:
         McNemar (1947), Note on the sampling error of the difference between correlated
@@ -245,7 +247,7 @@ def mcnemar(first: int, second: int) -> float:
 
 
 def holm(chances: list[float]) -> list[float]:
-    """Chances of several tests, adjusted so that all hold together.
+    """p-values of several tests, adjusted by Holm so that they hold jointly.
 
     Reference:
         Holm (1979), A simple sequentially rejective multiple test procedure, Scandinavian
@@ -260,11 +262,11 @@ def holm(chances: list[float]) -> list[float]:
 
 
 def improvement(first: Array, second: Array) -> Array:
-    """1 where the first is shorter, 0 where it is longer, a half where they are alike.
+    """1 where the first is shorter, 0 where it is longer, a half for ties.
 
     Args:
         first: lengths [m], any shape: infinite for failures, NaN where not flown. A failure
-            loses against any success; two failures are alike.
+            loses against any success; two failures are a tie.
         second: likewise.
 
     Returns:
@@ -278,12 +280,12 @@ def improvement(first: Array, second: Array) -> Array:
 
 
 def caution(found: Mapping[str, Any]) -> str | None:
-    """What a summary's readers should know first, if it compares policies on a few fields."""
+    """A warning where a summary compares policies on a few fields; None otherwise."""
     if found["fields"] >= FEW or len(found["policies"]) < 2:
         return None
     return (
-        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and nothing "
-        "is certain."
+        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and no "
+        "difference is certain."
     )
 
 
@@ -295,8 +297,8 @@ def profile_levels(gaps: Array) -> Array:
 
 def _gaps(flights: FlightTable) -> Array:
     """(policies, fields, seeds); infinite for failures, NaN without flight or shortest path."""
-    gaps = np.where(flights.success, flights.gap, math.inf)
-    gaps[np.isnan(flights.exact)] = math.nan
+    gaps = np.where(flights.success, flights["gap"], math.inf)
+    gaps[np.isnan(flights["exact_length"])] = math.nan
     return flights.grid(gaps)
 
 
@@ -309,5 +311,5 @@ def _bounds(name: str, interval: Interval | None) -> Mapping[str, float | None]:
     return {f"{name}_low": finite(low), f"{name}_high": finite(high)}
 
 
-def _counts(outcomes: list[str]) -> dict[str, int]:
-    return dict(Counter(outcomes).most_common())
+def _counts(codes: NDArray[np.int8]) -> dict[str, int]:
+    return {Outcome.from_code(code).label: n for code, n in Counter(codes.tolist()).most_common()}

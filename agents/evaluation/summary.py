@@ -1,77 +1,84 @@
-"""What a summary tells of flights beside statistics: whose hands, the paper's, what they cost."""
+"""Parts of summary.json beside statistics: shields, the paper's fields, and measured times."""
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agents.evaluation.records import Record
-from agents.policies.shield_decisions import ShieldDecision, share_handed_over
+from agents.flights.flight_table import SHIELD, FlightTable
+from agents.policies.shield_decisions import ShieldDecision
 
 
-def shields(flights: Sequence[Record]) -> list[dict[str, Any]]:
-    """Of each shielded policy, how much of its flights was handed over, and why: JSON values."""
-    told = []
-    for policy in dict.fromkeys(flight.policy for flight in flights if flight.hands):
-        flown = [flight.hands for flight in flights if flight.policy == policy]
-        hands = [hand for steps in flown for hand in steps]
-        causes = Counter(hand.label for hand in hands if hand is not ShieldDecision.AGENT)
-        told.append(
+def shields(flights: FlightTable) -> list[dict[str, Any]]:
+    """For each shielded policy, how many steps the planner took over, and why: JSON values."""
+    agent = SHIELD.index(ShieldDecision.AGENT)
+    found = []
+    for k, policy in enumerate(flights.policies):
+        steps = flights["shield_steps"][flights.policy == k]
+        if not steps.any():
+            continue
+        totals = dict(zip(SHIELD, steps.sum(axis=0).tolist(), strict=True))
+        number = sum(totals.values())
+        causes = {cause.label: count for cause, count in totals.items() if count}
+        causes.pop(ShieldDecision.AGENT.label, None)
+        found.append(
             {
                 "policy": policy,
-                "flights": len(flown),
-                "untouched_flights": sum(share_handed_over(steps) == 0.0 for steps in flown),
-                "steps": len(hands),
-                "handed_over": sum(causes.values()),
-                "causes": dict(causes.most_common()),
+                "flights": len(steps),
+                "untouched_flights": int((steps[:, agent] == steps.sum(axis=1)).sum()),
+                "steps": number,
+                "handed_over": number - totals[ShieldDecision.AGENT],
+                "causes": dict(sorted(causes.items(), key=lambda item: -item[1])),
             }
         )
-    return told
+    return found
 
 
-def on_paper(flights: Sequence[Record]) -> list[dict[str, Any]]:
-    """Of each policy on each of the paper's fields, medians over its successes: JSON values."""
-    known = [flight for flight in flights if flight.from_paper]
-    told = []
-    for policy, field in dict.fromkeys((flight.policy, flight.field) for flight in known):
-        flown = [one for one in known if (one.policy, one.field) == (policy, field)]
-        arrived = [flight for flight in flown if flight.success]
-        told.append(
+def on_paper(flights: FlightTable) -> list[dict[str, Any]]:
+    """For each policy and field of the paper, medians over successful flights: JSON values."""
+    known = flights["from_paper"]
+    pairs = zip(flights.policy[known].tolist(), flights.field[known].tolist(), strict=True)
+    found = []
+    for policy, field in dict.fromkeys(pairs):
+        mine = (flights.policy == policy) & (flights.field == field)
+        solved = mine & flights.success
+        exact = float(flights["exact_length"][mine][0])
+        found.append(
             {
-                "policy": policy,
-                "field": field,
-                "flights": len(flown),
-                "successes": len(arrived),
-                "segments": _median([flight.segments for flight in arrived]),
-                "evaluations": _median([flight.evaluations for flight in arrived]),
-                "length": _median([flight.length for flight in arrived]),
-                "exact_length": flown[0].exact_length,
+                "policy": flights.policies[policy],
+                "field": flights.fields[field],
+                "flights": int(mine.sum()),
+                "successes": int(solved.sum()),
+                "segments": _median(flights["segments"][solved]),
+                "evaluations": _median(flights["evaluations"][solved]),
+                "length": _median(flights["length"][solved]),
+                "exact_length": None if np.isnan(exact) else exact,
             }
         )
-    return told
+    return found
 
 
-def _median(values: Sequence[float]) -> float | None:
-    return float(np.median(values)) if values else None
+def _median(values: NDArray[Any]) -> float | None:
+    return float(np.median(values)) if len(values) else None
 
 
 TIMES = ("decision_seconds_median", "decision_seconds_99", "flight_seconds_median")
-"""What `agents.evaluation.timing` measures, as a summary has it."""
+"""Entries of a summary that `agents.evaluation.timing` measures."""
 
 
 def timed(
-    policies: Iterable[Mapping[str, Any]], told: Iterable[Mapping[str, Any]]
+    policies: Iterable[Mapping[str, Any]], measured_policies: Iterable[Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Statistics of policies with the times that were measured when nothing else flew.
+    """Statistics of policies with the times that were measured while nothing else flew.
 
     Args:
-        policies: as `agents.evaluation.statistics.summary` has them, with times as they flew.
-        told: `policies` of summary.json; where it does not tell a time, the other one stays.
+        policies: As `agents.evaluation.statistics.summary` returns them.
+        measured_policies: `policies` of summary.json; a time that is missing there stays as it is.
     """
-    measured = {one.get("policy"): one for one in told}
+    measured = {one.get("policy"): one for one in measured_policies}
     return [
         {**one, **{key: measured[one["policy"]].get(key, one.get(key)) for key in TIMES}}
         if one["policy"] in measured

@@ -1,4 +1,4 @@
-"""What the terminal shows of an evaluation: the tables of its summary."""
+"""The tables of an evaluation's summary, as the terminal shows them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     """Tables and sentences on all policies, in the order in which they are shown.
 
     Args:
-        summary: the object of summary.json.
+        summary: The object of summary.json.
     """
     found = summary["statistics"]
     found = {**found, "policies": timed(found["policies"], summary["policies"])}
@@ -33,7 +33,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
         *without_gap(found),
         *filter(None, [caution(found)]),
         *(
-            f"{one['policy']} is stopped by a clock: its flights do not repeat"
+            f"{one['policy']} is stopped by a clock: its flights do not repeat exactly"
             for one in summary["policies"]
             if one["stopped_by_clock"]
         ),
@@ -55,7 +55,7 @@ def policies(found: Mapping[str, Any]) -> Table:
     """A row for each policy, the highest SPL first; intervals in brackets.
 
     Args:
-        found: as `agents.evaluation.statistics.summary` returns it.
+        found: As `agents.evaluation.statistics.summary` returns it.
     """
     fields, seeds = found["fields"], found["seeds"]
     table = empty_table(
@@ -67,9 +67,9 @@ def policies(found: Mapping[str, Any]) -> Table:
         "99 %\ngap [%]",
         "decision\n99 % [ms]",
         "flight\n[ms]",
-        caption="SPL: mean of shortest / flown length, failures count 0; gap: flown beyond "
-        "shortest length, a failure's is infinite; decision: 99th percentile, to which "
-        "the first counts, where whole paths are planned; flight: median",
+        caption="SPL: mean of shortest / flown length, failures count 0; gap: flown / shortest "
+        "length - 1, infinite for a failure; decision: 99th percentile, including the first, which "
+        "plans the whole path for whole-path planners; flight: median",
     )
     for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
         table.add_row(
@@ -93,8 +93,8 @@ def failures(found: Mapping[str, Any]) -> Iterator[str]:
             if label != Outcome.GOAL_REACHED.label
         }
         if causes:
-            told = ", ".join(f"{number} x {cause}" for cause, number in causes.items())
-            yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {told}"
+            listed = ", ".join(f"{number} x {cause}" for cause, number in causes.items())
+            yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {listed}"
 
 
 def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
@@ -102,7 +102,7 @@ def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
     flights = sum(one["flights"] - one["gap_flights"] for one in found["policies"])
     if flights:
         yield (
-            f"no shortest path is known for {_number(flights, 'flight')}: they have no part in "
+            f"no shortest path is known for {_number(flights, 'flight')}: they are left out of "
             "gaps, and count 0 in SPL"
         )
 
@@ -110,7 +110,7 @@ def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
 def against_the_best(found: Mapping[str, Any]) -> Table | None:
     """The policy with the highest SPL in pairs with all others; None where none can be compared.
 
-    A single field tells of no other, so there is nothing to compare on it.
+    One field says nothing about others, so a single field has no comparison.
     """
     if not found["pairs"] or found["fields"] < 2:
         return None
@@ -123,8 +123,8 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
         "won : lost",
         "its p",
         caption="shorter: in which share of flights, ties half, a failure loses against any "
-        "success; won, lost: fields on which only one of the two arrives; its p: McNemar's "
-        "exact test of these arrivals, adjusted by Holm for all pairs",
+        "success; won, lost: fields on which only one of the two succeeds; its p: McNemar's "
+        "exact test of these successes, adjusted by Holm for all pairs",
     )
     spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
     rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]
@@ -148,11 +148,11 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
     return table if rows else None
 
 
-def shields(told: Sequence[Mapping[str, Any]]) -> Table | None:
-    """How much of their flights shielded policies handed over, and why; None if none was.
+def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
+    """How many steps the planner took over from shielded policies, and why; None without any.
 
     Args:
-        told: as `agents.evaluation.summary.shields` returns it.
+        shielded: As `agents.evaluation.summary.shields` returns it.
     """
     table = empty_table(
         "Steps that the shield handed over",
@@ -162,7 +162,7 @@ def shields(told: Sequence[Mapping[str, Any]]) -> Table | None:
         "untouched\nflights [%]",
         "why, most often",
     )
-    for one in told:
+    for one in shielded:
         causes = list(one["causes"].items())[:3]
         table.add_row(
             Text(one["policy"]),
@@ -171,14 +171,14 @@ def shields(told: Sequence[Mapping[str, Any]]) -> Table | None:
             f"{100.0 * one['untouched_flights'] / one['flights']:.1f}",
             ", ".join(f"{cause} {number}" for cause, number in causes) or NONE,
         )
-    return table if told else None
+    return table if shielded else None
 
 
-def paper(told: Sequence[Mapping[str, Any]]) -> Table | None:
+def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
     """Flights through the paper's fields beside its Table I; None if there are none.
 
     Args:
-        told: as `agents.evaluation.summary.on_paper` returns it.
+        rows: As `agents.evaluation.summary.on_paper` returns it.
     """
     table = empty_table(
         "The paper's fields (reconstructed), in brackets its Table I",
@@ -189,9 +189,9 @@ def paper(told: Sequence[Mapping[str, Any]]) -> Table | None:
         "length [m]",
         "shortest",
         caption="medians over successes (-: none); (N/A): the paper found no path; no brackets: it "
-        "does not tell of this policy there",
+        "does not report this policy on this field",
     )
-    for one in told:
+    for one in rows:
         policy, field = one["policy"], one["field"]
         cells = [
             decimal(one["segments"], 0),
@@ -211,7 +211,7 @@ def paper(told: Sequence[Mapping[str, Any]]) -> Table | None:
             *cells,
             decimal(one["exact_length"], 2),
         )
-    return table if told else None
+    return table if rows else None
 
 
 def _number(number: int, what: str) -> str:
@@ -229,12 +229,12 @@ def _turned(pair: Mapping[str, Any], key: str, whole: float) -> dict[str, float 
 
 
 def _with_interval(
-    one: Mapping[str, Any], key: str, told: Callable[[float], str], until: str = _TO
+    one: Mapping[str, Any], key: str, form: Callable[[float], str], until: str = _TO
 ) -> str:
     low, high = one[f"{key}_low"], one[f"{key}_high"]
     if low is None or high is None:
-        return told(one[key])
-    return f"{told(one[key])} ({told(low)}{until}{told(high)})"
+        return form(one[key])
+    return f"{form(one[key])} ({form(low)}{until}{form(high)})"
 
 
 def _gap(one: Mapping[str, Any], key: str) -> str:

@@ -1,7 +1,7 @@
-"""What decisions cost: some flights flown again, one policy at a time, when nothing else flies.
+"""What decisions cost: some flights flown again, one policy at a time, while nothing else flies.
 
-While an evaluation flies, workers share the machine and agents decide for many flights at once.
-So its clocks tell how long it took, and not what a policy costs to those who fly it.
+During an evaluation workers share the machine, and agents decide for many flights at once, so its
+clocks measure the evaluation and not the cost of a policy to its users.
 """
 
 from __future__ import annotations
@@ -20,23 +20,23 @@ from agents.policies.warm_up import warm_policy
 from agents.runtime.interrupts import raise_if_interrupted
 
 MOST = 20
-"""Flights that are timed, of a policy that is fast enough."""
+"""Greatest number of timed flights of a policy."""
 BUDGET = 2.0
-"""Seconds after which no further flight of a policy is begun."""
+"""Seconds after which no further flight of a policy starts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timing:
-    """Times of a policy's flights, alone and one after the other."""
+    """Times of a policy's flights, flown one after the other."""
 
     policy: str
     decisions: Sequence[float]
-    """Of all flights [s]."""
+    """Time of each decision of all flights [s]."""
     flights: Sequence[float]
-    """Seconds of each flight whole: deciding, checking and flying every segment."""
+    """Time of each flight [s]: deciding, certifying and flying every segment."""
 
-    def told(self) -> dict[str, float | int | None]:
-        """As summary.json has it; what was not measured is None."""
+    def summary(self) -> dict[str, float | int | None]:
+        """Entries of summary.json; None without a measurement."""
         return {
             "timed_flights": len(self.flights),
             "timed_decisions": len(self.decisions),
@@ -47,16 +47,16 @@ class Timing:
 
 
 def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
-    """Time a policy, on flights that are spread evenly over those of a request.
+    """Time a policy on flights that are evenly spread over those of a request.
 
     Args:
-        request: which flights there are.
-        policy: one of its policies.
-        budget: seconds after which no further flight is begun; one is flown in any case.
+        request: All flights.
+        policy: One of its policies.
+        budget: Seconds after which no further flight starts; the first one always does.
 
     Raises:
-        ValueError: an agent that cannot be loaded.
-        KeyboardInterrupt: after a flight, if Ctrl-C was deferred.
+        ValueError: An agent cannot be loaded.
+        KeyboardInterrupt: After a flight, if Ctrl-C was deferred.
     """
     ready = make_policy(policy)  # agents are ready when they are loaded
     warm_policy(policy)
@@ -75,7 +75,7 @@ def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
 
 
 def _spread(number: int, most: int) -> list[int]:
-    """Indices below a number, spread evenly, and so are the first few of them."""
+    """Indices below a number, evenly spread, in an order whose first few are spread as well."""
     even = np.linspace(0, number - 1, min(number, most)).round().astype(int).tolist()
     order: list[int] = []
     step = len(even)

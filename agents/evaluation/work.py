@@ -1,4 +1,4 @@
-"""The work of an evaluation: chunks of flights, the same in the end but for their times."""
+"""The work of an evaluation: flying its chunks, in any order and by any worker."""
 
 from __future__ import annotations
 
@@ -6,22 +6,24 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import islice
 from pathlib import Path
 
+import numpy as np
 from joblib import delayed
+from numpy.typing import NDArray
 
-from agents.evaluation import records
-from agents.evaluation.chunks import Answer, Task, alone, fly_task, task_of
-from agents.evaluation.records import Pack, Record, Trace
-from agents.evaluation.request import Chunk, Request, name_of
+from agents.evaluation.chunks import Result, Task, fly_task, single_flights, task_of
+from agents.evaluation.request import Chunk, Request, field_of, name_of
+from agents.flights.flight import Flight
+from agents.flights.flight_table import PATHS, Columns, FlightTable, check, drawable, join
 from agents.runtime.chunk_store import ChunkStore, read_json, refuse_other
 from agents.runtime.executors import Backend, Call, Run, WorkerDiedError, open_backend
+from ferguson_gym.runtime.arrays import Array
 
 WORK = ".unfinished"
 """Name of the work directory in a directory of results."""
 DEATHS = 3
-"""Of workers that held a chunk, or a flight, before it is taken to be the cause."""
+"""Deaths of workers with a chunk, or a flight, after which it is taken to be the cause."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +35,7 @@ class Work:
 
     @cached_property
     def store(self) -> ChunkStore:
-        """The work directory."""
+        """The finished chunks."""
         return ChunkStore(
             place=self.results / WORK,
             request=self.request.configuration,
@@ -43,48 +45,91 @@ class Work:
 
     @property
     def staging(self) -> Path:
-        """Where results are written before they are moved into their place."""
+        """Where results are written before they are moved to the directory of results."""
         return self.store.place / "results"
 
     def begin(self) -> list[Chunk]:
-        """Make or resume the directory; returns the chunks that are missing."""
+        """Make or resume the work directory; returns the chunks that are missing."""
         return [self.request.chunks[number] for number in self.store.begin()]
 
-    def kept(self, chunk: Chunk) -> Pack:
-        """What a chunk holds.
+    def columns(self, chunk: Chunk) -> Columns:
+        """The flights of a finished chunk.
 
         Raises:
-            OSError: it cannot be read.
+            OSError: The chunk cannot be read.
         """
 
-        def parse(packed: Pack) -> Pack:
-            records.check(packed, len(chunk))
-            return packed
+        def parse(columns: Columns) -> Columns:
+            check(columns, len(chunk))
+            return columns
 
         return self.store.read(chunk.number, parse)
 
-    def records(self, policy: str | None = None) -> Iterator[Record]:
-        """The records of all flights, or of a policy's, in order; when no chunk is missing."""
+    def table(self) -> FlightTable:
+        """All flights, without their paths, when no chunk is missing.
+
+        Raises:
+            OSError: A chunk cannot be read.
+        """
+        request, number = self.request, np.arange(self.request.flights)
+        policy, index = np.divmod(number, request.each)
+        field, seed = np.divmod(index, len(request.seeds))
+        parts = [self.columns(chunk) for chunk in request.chunks]
+        scalars = [{k: v for k, v in part.items() if k not in PATHS} for part in parts]
+        return FlightTable(
+            policies=tuple(request.policies),
+            fields=tuple(map(name_of, request.fields)),
+            seeds=tuple(request.seeds),
+            policy=policy,
+            field=field,
+            seed=seed,
+            columns=join(scalars),
+        )
+
+    def drawn(self, policy: str, indices: Iterable[int]) -> list[Flight]:
+        """Flights of a policy for its picture; indices are among the policy's flights."""
+        wanted = set(indices)
+        flights = []
         for chunk in self.request.chunks:
-            if policy in (None, chunk.policy):
-                yield from records.records(self.kept(chunk), self.request.keys(chunk))
+            here = sorted(wanted & set(range(chunk.first, chunk.last)))
+            if chunk.policy != policy or not here:
+                continue
+            columns = self.columns(chunk)
+            for index in here:
+                source, seed = self.request.flight(index)
+                place = index - chunk.first
+                flights.append(drawable(columns, place, policy, field_of(source), seed))
+        return flights
 
-    def trace(self, chunk: Chunk, index: int) -> tuple[Record, Trace]:
-        """A flight of a chunk, its path too; `index` is among those of the policy."""
-        place = index - chunk.first
-        packed = self.kept(chunk)
-        rows = records.records(packed, self.request.keys(chunk))
-        return next(islice(rows, place, None)), next(islice(records.traces(packed), place, None))
+
+@dataclass(frozen=True)
+class FlownPaths:
+    """The paths of all flights, in chunks (`agents.evaluation.results.Paths`)."""
+
+    work: Work
+    segments: NDArray[np.int64]
+
+    def control(self, flights: Iterable[int]) -> dict[int, Array]:
+        """Segments (m, 4, 2) of some flights, whose indices ascend."""
+        wanted = np.fromiter(flights, np.int64)
+        found: dict[int, Array] = {}
+        first = 0
+        for chunk in self.work.request.chunks:
+            last = first + len(chunk)
+            here = wanted[(wanted >= first) & (wanted < last)]
+            if len(here):
+                control = self.work.columns(chunk)["control"]
+                parts = np.split(control, np.cumsum(self.segments[first:last])[:-1])
+                found |= {k: parts[k - first] for k in here.tolist()}
+            first = last
+        return found
 
 
-def check(work: Work) -> bool:
-    """Refuse a directory that holds the work, or the results, of another configuration.
-
-    Returns:
-        Whether the results are there already.
+def is_finished(work: Work) -> bool:
+    """Whether the directory holds the results of this request.
 
     Raises:
-        ValueError: it does.
+        ValueError: It holds the work, or the results, of another configuration.
     """
     if work.store.holds_work():
         return False
@@ -96,29 +141,29 @@ def check(work: Work) -> bool:
 
 
 def fly(
-    work: Work, missing: Iterable[Chunk], backend: Backend, together: int | None = None
+    work: Work, missing: Iterable[Chunk], backend: Backend, batch: int | None = None
 ) -> Iterator[int]:
-    """Fly and keep the missing chunks; yields the number of flights of each that is done.
+    """Fly and store the missing chunks; yields the number of flights of each finished chunk.
 
-    When a worker dies, what it held is flown again by another. A chunk that was there each time is
-    flown flight by flight, after all others, to find the one which it is.
+    When a worker dies, another one flies its chunks again. A chunk whose workers died each time is
+    flown flight by flight, after all others, to find the flight that is the cause.
 
     Raises:
-        ChildProcessError: one flight always ends its worker.
-        OSError: the scheduler was lost, or the disk refuses.
+        ChildProcessError: One flight ends its worker every time.
+        OSError: The connection to the scheduler was lost, or a file cannot be written.
     """
-    left = {chunk.number: task_of(work.request, chunk, together) for chunk in missing}
+    left = {chunk.number: task_of(work.request, chunk, batch) for chunk in missing}
     blame: Counter[int] = Counter()
     with open_backend(backend) as run:
         while left:
             held: set[int] = set()
             rest = [task for number, task in left.items() if blame[number] < DEATHS]
             try:
-                for answer in run(_calls(rest, held)):
-                    _see(work.request, answer)
-                    work.store.write(answer.chunk, answer.flown)
-                    held.discard(answer.chunk)
-                    yield len(left.pop(answer.chunk).flights)
+                for result in run(_calls(rest, held)):
+                    _check_software(work.request, result)
+                    work.store.write(result.chunk, result.columns)
+                    held.discard(result.chunk)
+                    yield len(left.pop(result.chunk).flights)
             except WorkerDiedError:
                 blame.update(held)
                 continue
@@ -126,52 +171,52 @@ def fly(
 
 
 def _suspects(work: Work, left: dict[int, Task], run: Run) -> Iterator[int]:
-    """Fly what is left flight by flight; what does not fly is reported at the end."""
+    """Fly the remaining tasks flight by flight; raises for the fatal ones at the end."""
     fatal: list[ChildProcessError] = []
     for number in list(left):
         task = left.pop(number)
         try:
-            answers = [_alone(run, one) for one in alone(task)]
+            results = [_run_alone(run, one) for one in single_flights(task)]
         except ChildProcessError as error:
             fatal.append(error)
             continue
-        _see(work.request, answers[0])
-        work.store.write(number, records.join([answer.flown for answer in answers]))
+        _check_software(work.request, results[0])
+        work.store.write(number, join([result.columns for result in results]))
         yield len(task.flights)
     if fatal:
         raise fatal[0]
 
 
 def _calls(tasks: Iterable[Task], held: set[int]) -> Iterator[Call]:
-    """Calls that fly tasks, whose chunks are added to `held` as they are handed out."""
+    """Calls that fly tasks; their chunks are added to `held` when a worker receives them."""
     for task in tasks:
         held.add(task.chunk)
         yield delayed(fly_task)(task)
 
 
-def _alone(run: Run, task: Task) -> Answer:
-    """The answer to a task of one flight, with no other in the air."""
+def _run_alone(run: Run, task: Task) -> Result:
+    """The result of a task of one flight, with no other task in flight."""
     for _ in range(DEATHS):
         try:
-            (answer,) = run(_calls([task], set()), 1)
+            (result,) = run(_calls([task], set()), 1)
         except WorkerDiedError:
             continue
-        found: Answer = answer
+        found: Result = result
         return found
     (source, seed) = task.flights[0]
     raise ChildProcessError(
         f"a worker died {DEATHS} times while {task.policy} flew the field {name_of(source)}, seed "
-        f"{seed}: too little memory, or a crash in a library; what is finished is kept"
+        f"{seed}: too little memory, or a crash in a library; finished chunks are kept"
     )
 
 
-def _see(request: Request, answer: Answer) -> None:
+def _check_software(request: Request, result: Result) -> None:
     """Refuse what was flown with other libraries, or other models."""
     own = request.software["versions"]
-    other = [name for name in own if answer.versions.get(name) != own[name]]
-    if other:
-        told = ", ".join(f"{name} {answer.versions.get(name)}, not {own[name]}" for name in other)
-        raise OSError(f"a worker has other versions, and may fly otherwise: {told}")
-    policy = request.chunks[answer.chunk].policy
-    if answer.models != list(request.configuration["policies"][policy].values()):
-        raise OSError(f"the model of {policy} is not the same for a worker, or was changed")
+    names = [name for name in own if result.versions.get(name) != own[name]]
+    if names:
+        other = ", ".join(f"{name} {result.versions.get(name)}, not {own[name]}" for name in names)
+        raise OSError(f"a worker has other versions, which may change flights: {other}")
+    policy = request.chunks[result.chunk].policy
+    if result.models != list(request.configuration["policies"][policy].values()):
+        raise OSError(f"the model of {policy} differs on a worker, or has changed since the start")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from enum import Enum
 
 
@@ -29,8 +28,3 @@ class ShieldDecision(Enum):
         """Stable name, used in files."""
         self.sentence = sentence
         """Description shown to users."""
-
-
-def share_handed_over(decisions: Sequence[ShieldDecision]) -> float:
-    """Share of steps that the agent did not decide; at least one step is needed."""
-    return sum(one is not ShieldDecision.AGENT for one in decisions) / len(decisions)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import strategies as st
 
 from agents.demonstrations import work as demonstrations_work
-from agents.evaluation import flight_table, statistics
+from agents.evaluation import reading, statistics
 from agents.evaluation import work as evaluation_work
 from agents.evaluation.report.page import write_report
 from agents.evaluation.request import Request
@@ -69,7 +69,7 @@ def test_results_are_read_or_refused(results: Path, name: str) -> None:
     @fuzzed(f"files: {name} of an evaluation", few=2, many=1500, data=st.data())
     def case(data: Any) -> None:
         with Damage(results / name, data):
-            table = attempt(flight_table.read, results)
+            table = attempt(reading.read, results)
             if table is not None:
                 found = attempt(statistics.summary, table)
                 assert finite_or_none(found)
@@ -84,11 +84,10 @@ def test_results_are_read_or_refused(results: Path, name: str) -> None:
 @fuzzed("files: chunks of an evaluation", few=3, many=3000, data=st.data())
 def test_chunks_are_read_or_refused(work: evaluation_work.Work, data: Any) -> None:
     with Damage(work.store.file(0), data):
-        found = attempt(lambda: list(work.records()), errors=(OSError,))
-        for record in found or ():
-            assert record.outcome is not None
-        (first, *_) = work.request.chunks
-        attempt(work.trace, first, 0, errors=(OSError,))
+        table = attempt(work.table, errors=(OSError,))
+        if table is not None:
+            assert len(table.outcomes) == work.request.flights
+        attempt(work.drawn, "single-start", [0], errors=(OSError,))
 
 
 @fuzzed(
@@ -98,7 +97,7 @@ def test_work_is_taken_up_or_refused(work: evaluation_work.Work, results: Path, 
     done = evaluation_work.Work(results, work.request)
     for one, file in ((work, work.store.place / "request.json"), (done, results / "summary.json")):
         with Damage(file, data):
-            attempt(evaluation_work.check, one)
+            attempt(evaluation_work.is_finished, one)
 
 
 RECIPE = f"""{ENVIRONMENT_ID}:

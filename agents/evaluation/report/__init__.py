@@ -1,1 +1,1 @@
-"""The report of an evaluation, one page that opens without a network."""
+"""The report of an evaluation: one HTML page with tables, profiles and a browser of flights."""

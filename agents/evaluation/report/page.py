@@ -1,4 +1,4 @@
-"""report.html of an evaluation: one file with tables, profiles and flights, without a network."""
+"""report.html of an evaluation: tables, profiles and flights in one file that works offline."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.flight_table import read
+from agents.evaluation.reading import read
 from agents.evaluation.report.flight_browser import BUDGET, browser
+from agents.evaluation.results import Paths, read_paths
 from agents.evaluation.statistics import caution, summary
 from agents.evaluation.summary import timed
+from agents.flights.flight_table import FlightTable
 from ferguson_gym.runtime.arrays import LARGEST
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field import Field
@@ -20,43 +22,65 @@ from ferguson_gym.world.outcome import Outcome
 REPORT = "report.html"
 _TEMPLATE = "template.html"
 _PLACE = "/*DATA*/"
-"""Where the template takes the data, once."""
+"""Place of the data in the template, where it occurs once."""
 _EQUAL = 5e-5
-"""Smallest difference of SPL that shows in the printed digits."""
+"""Difference of SPL below which the shown digits are equal."""
 _CLOCK = "stopped_by_clock"
 _LONG = 400
-"""Characters of a value of the provenance that are shown."""
+"""Greatest number of characters of a provenance value."""
 
 
 def write_report(
-    directory: Path,
-    fields: Mapping[str, Field] | None = None,
-    statistics: Mapping[str, Any] | None = None,
-    budget: int = BUDGET,
+    directory: Path, fields: Mapping[str, Field] | None = None, budget: int = BUDGET
 ) -> None:
-    """Write report.html beside flights.csv, timings.csv, paths.npz and summary.json.
+    """Write report.html again from flights.csv, timings.csv, paths.npz and summary.json.
 
-    Of these, only flights.csv must be there. What summary.json says of how the results were made
-    is shown, and times are taken from its `policies`, where they were measured when nothing else
-    flew; timings.csv knows what they were while others did.
+    Only flights.csv must be there. From summary.json come the provenance and the times that were
+    measured while nothing else flew; timings.csv has those of the evaluation itself.
 
     Args:
-        directory: results of an evaluation.
-        fields: by name. Needed for those of files; others are redrawn by their name. What
-            is neither is shown without obstacles.
-        statistics: `agents.evaluation.statistics.summary` of the directory, if it is already there.
-        budget: characters that flights may take; beyond, failures and large gaps are kept.
+        directory: Results of an evaluation.
+        fields: By name; needed for fields of files. A field that is neither there nor defined by
+            its name is shown without obstacles.
+        budget: Characters that flights may take; beyond, failures and large gaps are kept.
 
     Raises:
-        ValueError: files that are not those of one evaluation.
+        ValueError: The files are damaged, or not of one evaluation.
     """
     flights = read(directory)
-    found = summary(flights) if statistics is None else dict(statistics)
-    held = _held(directory / "summary.json")
-    told = _of_policies(held)
-    found["policies"] = timed(found["policies"], told.values())
+    place = directory / "paths.npz"
+    paths = read_paths(place, len(flights)) if place.is_file() else None
+    found = _read_summary(directory / "summary.json") | {"statistics": summary(flights)}
+    write_page(directory / REPORT, flights, paths, found, fields or {}, budget)
+
+
+def write_page(
+    path: Path,
+    flights: FlightTable,
+    paths: Paths | None,
+    summary: Mapping[str, Any],
+    fields: Mapping[str, Field],
+    budget: int = BUDGET,
+) -> None:
+    """Write the page of an evaluation.
+
+    Args:
+        path: Of the file.
+        flights: All flights.
+        paths: Their paths; None if there are none.
+        summary: The object of summary.json; only `statistics` must be there.
+        fields: By name, as far as their names do not define them.
+        budget: Characters that flights may take.
+
+    Raises:
+        ValueError: The paths are damaged.
+    """
+    provenance = {key: summary[key] for key in summary if key not in ("statistics", "files")}
+    policies = _of_policies(provenance)
+    found = dict(summary["statistics"])
+    found["policies"] = timed(found["policies"], policies.values())
     lines = headline(found)
-    if clocked := [name for name in flights.policies if told.get(name, {}).get(_CLOCK)]:
+    if clocked := [name for name in flights.policies if policies.get(name, {}).get(_CLOCK)]:
         lines["sentences"].append(
             f"Stopped by a clock, so that flights do not repeat exactly: {', '.join(clocked)}."
         )
@@ -64,15 +88,15 @@ def write_report(
         "headline": lines,
         "statistics": found,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
-        "provenance": dict(_flat("", held)),
-        "browser": browser(flights, directory, fields or {}, budget),
+        "provenance": dict(_flat("", provenance)),
+        "browser": browser(flights, paths, fields, budget),
     }
-    with atomic_write(directory / REPORT) as temporary:
+    with atomic_write(path) as temporary:
         temporary.write_text(page(data), encoding="utf-8")
 
 
 def page(data: Mapping[str, Any]) -> str:
-    """The template with its data, in which nothing can end the element that holds it."""
+    """The template with its data, escaped so that no text in it can end the script element."""
     template = files("agents.evaluation.report").joinpath(_TEMPLATE).read_text(encoding="utf-8")
     before, after = template.split(_PLACE)
     text = json.dumps(data, separators=(",", ":"), allow_nan=False)  # ASCII alone
@@ -80,7 +104,7 @@ def page(data: Mapping[str, Any]) -> str:
 
 
 def headline(found: Mapping[str, Any]) -> dict[str, Any]:
-    """A title and the sentences below it."""
+    """The title, and the sentences below it."""
     policies = found["policies"]
     title = (
         f"{_number(len(policies), 'policy', 'policies')} on "
@@ -88,8 +112,8 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
     )
     if not policies:
         return {"title": "No flights", "sentences": ["This evaluation holds no flights."]}
-    arrived = sum(one["successes"] for one in policies)
-    reached = f"{arrived:,} of {found['flights']:,} flights reached the goal"
+    successes = sum(one["successes"] for one in policies)
+    reached = f"{successes:,} of {found['flights']:,} flights reached the goal"
     if len(policies) == 1:
         sentences = [f"{policies[0]['policy']} has an SPL of {_spl(policies[0])}."]
     else:
@@ -103,7 +127,7 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
-    """Whom the best policy is ahead of beyond doubt, and by more than what is shown of an SPL."""
+    """Which policies the best one leads beyond doubt, and by more than an SPL's shown digits."""
     name = best["policy"]
     equal, doubtful = [], []
     for pair in found["pairs"]:
@@ -115,56 +139,58 @@ def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
             doubtful.append(other)
         elif abs(pair["spl_difference"]) < _EQUAL:
             equal.append(other)
-    told = []
+    sentences = []
     if equal:
-        told.append(f"The lead over {', '.join(equal)} is below {_EQUAL:g}, of no importance.")
+        sentences.append(f"Its lead over {', '.join(equal)} is negligible, below {_EQUAL:g}.")
     if doubtful:
-        told.append(
-            f"These flights do not tell it from {', '.join(doubtful)} (paired 95 % interval)."
+        sentences.append(
+            f"The difference from {', '.join(doubtful)} is not significant (paired 95 % interval)."
         )
     if len(equal) + len(doubtful) < len(found["policies"]) - 1:
-        ahead = f"{name} is ahead of all others" if told else "It is ahead of every other policy"
-        told.append(f"{ahead} (paired 95 % intervals).")
-    return " ".join(told)
+        subject = f"{name} leads all others" if sentences else "It leads every other policy"
+        sentences.append(f"{subject} (paired 95 % intervals).")
+    return " ".join(sentences)
 
 
 def _spl(one: Mapping[str, Any]) -> str:
-    told = f"{one['spl']:.4f}"
+    text = f"{one['spl']:.4f}"
     if one["spl_low"] is not None:
-        told += f" ({one['spl_low']:.4f} to {one['spl_high']:.4f})"
-    return told
+        text += f" ({one['spl_low']:.4f} to {one['spl_high']:.4f})"
+    return text
 
 
 def _number(count: int, one: str, many: str) -> str:
     return f"{count:,} {one if count == 1 else many}"
 
 
-def _held(path: Path) -> dict[str, Any]:
-    """What summary.json holds beside statistics; nothing if it is not there."""
+def _read_summary(path: Path) -> dict[str, Any]:
+    """The object of summary.json; empty if there is no such file."""
     if not path.is_file():
         return {}
     try:
-        held = json.loads(path.read_text(encoding="utf-8"))
+        found = json.loads(path.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
-    if not isinstance(held, dict):
+    if not isinstance(found, dict):
         raise ValueError(f"{path}: not a JSON object")
-    return {key: value for key, value in held.items() if key not in ("statistics", "files")}
+    return found
 
 
-def _of_policies(held: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """What it says of each policy, by name."""
-    listed = held.get("policies")
+def _of_policies(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Entries of summary.json by policy, without malformed ones."""
+    listed = summary.get("policies")
     every = [one for one in listed if isinstance(one, dict)] if isinstance(listed, list) else []
     return {
-        one["policy"]: {key: value for key, value in one.items() if not _is_no_time(key, value)}
+        one["policy"]: {
+            key: value for key, value in one.items() if not _is_malformed_time(key, value)
+        }
         for one in every
         if isinstance(one.get("policy"), str)
     }
 
 
-def _is_no_time(key: str, value: object) -> bool:
-    """Whether something that should be a time, or none, is neither."""
+def _is_malformed_time(key: str, value: object) -> bool:
+    """Whether the value of a time is neither a time nor None."""
     if "seconds" not in key or value is None:
         return False
     if isinstance(value, bool) or not isinstance(value, (int, float)):
@@ -173,7 +199,7 @@ def _is_no_time(key: str, value: object) -> bool:
 
 
 def _flat(prefix: str, values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Texts by key; keys of what lies within others are joined by points."""
+    """Keys and texts of nested values; the keys of a nested value are joined by points."""
     rows: list[tuple[str, str]] = []
     for key, value in values.items():
         inside = value

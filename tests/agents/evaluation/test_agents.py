@@ -35,7 +35,7 @@ def test_flights_are_those_of_the_agent_alone(model: Path, tmp_path: Path) -> No
     one = contents(tmp_path / "one")
     for together, chunk in ((1, 5), (3, 18), (7, 11)):
         out = tmp_path / f"{together}-{chunk}"
-        run.run(replace(request, chunk=chunk), out, Backend(), together=together)
+        run.run(replace(request, chunk=chunk), out, Backend(), batch=together)
         assert contents(out) == one
     with (tmp_path / "one" / "flights.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
@@ -75,4 +75,4 @@ def test_another_model_at_the_same_path_is_another_configuration(tmp_path: Path)
         assert Request(policies=[policy], fields=["paper:1"], seeds=[0]).configuration != before
     request = Request(policies=[str(place)], fields=["sparse/train:0"], seeds=range(1))
     with pytest.raises(ValueError, match=r"another configuration .policies was"):
-        work.check(Work(tmp_path / "out", request))
+        work.is_finished(Work(tmp_path / "out", request))

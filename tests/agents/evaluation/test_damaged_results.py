@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.evaluation import flight_table, records
+from agents.evaluation import reading
 from agents.evaluation.report.page import write_report
+from agents.flights.flight_table import Columns, check, join
 from agents.runtime.safe_npz import read_arrays
 from tests.agents.evaluation.test_work import stub
 from tests.support.written_results import write_results
@@ -24,13 +25,13 @@ def results(tmp_path: Path) -> Path:
     ("old", "new", "match"),
     [
         (b"guided,paper:1,1", b"guided,paper:\xff,1", r"flights\.csv, line [12]: 'utf-8' codec"),
-        (b"goal_reached,1,146.0", b"goal_reached,1,nan", "line 2: nan is no number that is meas"),
-        (b"goal_reached,1,146.0", b"goal_reached,1,inf", "line 2: inf is no number that is meas"),
+        (b"goal_reached,1,146.0", b"goal_reached,1,nan", "line 2: nan is not a measured number"),
+        (b"goal_reached,1,146.0", b"goal_reached,1,inf", "line 2: inf is not a measured number"),
         (b"goal_reached,1,146.0", b"goal_reached,1,-3", "line 2: lengths '-3' and"),
         (
             b"goal_reached,1,146.0",
             b"goal_reached,0,146.0",
-            "success '0' of a flight that ends goal",
+            "success '0' of a flight with outcome goal",
         ),
         (b"goal_reached,1,146.0", b"landed,1,146.0", "line 2: unknown outcome 'landed'"),
         (b"goal_reached,1,146.0", b"goal_reached,,146.0", "line 2: success ''"),
@@ -43,7 +44,7 @@ def test_a_table_that_was_damaged_is_refused(
     assert old in place.read_bytes()
     place.write_bytes(place.read_bytes().replace(old, new))
     with pytest.raises(ValueError, match=match):
-        flight_table.read(results)
+        reading.read(results)
 
 
 @pytest.mark.parametrize("offsets", [["0", "1", "2"], [[0, 1, 2]], [0, 5, 2], [0.0, 1.0, 2.0]])
@@ -79,39 +80,33 @@ def test_a_deep_summary_is_refused(results: Path) -> None:
         write_report(results)
 
 
-def changed(name: str, change: Callable[[Any], Any]) -> dict[str, Any]:
+def changed(name: str, change: Callable[[Any], Any]) -> Columns:
     keys = [("guided+shield", "a", seed) for seed in range(4)]
-    packed = records.pack([stub(*key) for key in keys])
-    records.check(packed, 4)
-    return packed | {name: change(packed[name])}
+    columns = join([stub(*key) for key in keys])
+    check(columns, 4)
+    return {**columns, name: change(columns[name])}
 
 
 @pytest.mark.parametrize(
     ("name", "change", "match"),
     [
-        ("control", lambda array: array[1:], "control are not as many as segments say"),
-        (
-            "decisions",
-            lambda array: -array - 1,
-            "decision_seconds are not as many as decisions say",
-        ),
+        ("control", lambda array: array[1:], "control has .* rows, unlike segments"),
+        ("window_counts", lambda array: -array - 1, "window_segments has .* rows, unlike window_"),
         ("length", lambda array: array[1:], "not 4 flights in length"),
         ("length", lambda array: array * np.nan, "NaN in length"),
         ("length", lambda array: array.astype(str), "length is .* of <U"),
         ("control", lambda array: array[..., None], "control is .* of float64"),
-        ("outcome", lambda array: array + np.int8(99), "codes of outcome that are none"),
-        ("hands", lambda array: array - np.int8(9), "codes of hands that are none"),
+        ("outcome", lambda array: array + np.int8(99), "unknown codes of outcome"),
     ],
 )
 def test_a_chunk_that_was_changed_is_refused(
     name: str, change: Callable[[Any], Any], match: str
 ) -> None:
-    packed = changed(name, change)
+    columns = changed(name, change)
     with pytest.raises(ValueError, match=match):
-        records.check(packed, 4)
-    del packed[name]
+        check(columns, 4)
     with pytest.raises(ValueError, match=f"no {name}"):
-        records.check(packed, 4)
+        check({key: columns[key] for key in columns if key != name}, 4)
 
 
 @pytest.mark.parametrize("content", [b"", b"PK", b"\x93NUMPY", b"PK\x03\x04" + bytes(60)])

@@ -55,7 +55,7 @@ def test_any_number_of_workers_with_chunks_of_any_size_fly_the_same(
 def test_any_number_of_flights_in_the_air_are_the_same(
     together: int, plain: Path, tmp_path: Path
 ) -> None:
-    run.run(request_of(), tmp_path, Backend(workers=2), together=together)
+    run.run(request_of(), tmp_path, Backend(workers=2), batch=together)
     assert alike(plain, tmp_path)
 
 
@@ -66,5 +66,5 @@ def test_a_dask_cluster_of_two_flies_the_same(
     with cluster(tmp_path) as (address, _, worker):
         worker(), worker()
         backend = Backend(name="dask", address=address)
-        run.run(request_of(chunk=3), tmp_path / "there", backend, together=3)
+        run.run(request_of(chunk=3), tmp_path / "there", backend, batch=3)
     assert alike(plain, tmp_path / "there")

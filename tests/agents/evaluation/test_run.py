@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation.records import record_of
-from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_row
+from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_rows
 from agents.evaluation.run import evaluate
 from agents.flights.flight import fly
+from agents.flights.flight_table import table_of
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
@@ -84,10 +84,11 @@ def test_without_a_shortest_path_there_is_no_gap() -> None:
     closed = Field(
         name="closed", obstacles=Discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
     )
-    flight = record_of(replace(fly("single-start", FIELDS[0], 0), field=closed))
+    flight = replace(fly("single-start", FIELDS[0]), field=closed)
     assert flight.exact_length is None
     assert flight.gap is None
-    assert flight_row(flight)[6:8] == ["", ""]
+    (row,) = flight_rows(table_of([flight]))
+    assert row[6:8] == ("", "")
 
 
 def test_timings_have_the_same_keys(run: Path) -> None:

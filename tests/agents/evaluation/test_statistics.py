@@ -14,7 +14,7 @@ from scipy.stats import trim_mean
 
 from agents.evaluation import bootstrap, tables
 from agents.evaluation.bootstrap import percentiles, resampled_means, resampled_quartile_means
-from agents.evaluation.flight_table import FlightTable, read
+from agents.evaluation.reading import read
 from agents.evaluation.results import TIMING_COLUMNS
 from agents.evaluation.statistics import (
     caution,
@@ -26,6 +26,7 @@ from agents.evaluation.statistics import (
     summarise,
     summary,
 )
+from agents.flights.flight_table import FlightTable
 from tests.support.written_results import EXACT, write_results
 
 
@@ -159,7 +160,7 @@ def test_a_summary_agrees_with_counting_by_hand(tmp_path: Path, seeds: int) -> N
     found = summary(flights)
     by_name = {one["policy"]: one for one in found["policies"]}
     assert list(by_name) == ["sure", "fair", "poor"]
-    lengths = flights.grid(np.where(flights.success, flights.length, math.inf))
+    lengths = flights.grid(np.where(flights.success, flights["length"], math.inf))
     for k, name in enumerate(by_name):
         one, flown = by_name[name], lengths[k].ravel()
         arrived = np.isfinite(flown)
@@ -261,7 +262,7 @@ def test_bad_results_are_refused_with_file_and_line(tmp_path: Path) -> None:
     path = write_results(tmp_path, {"a": {"x": [150.0]}}) / "flights.csv"
     good = path.read_text()
     for text, told in (
-        (good + good.splitlines()[1], r"line 3: the flight a x 0 twice"),
+        (good + good.splitlines()[1], r"line 3: the flight a x 0 occurs twice"),
         (good.replace("150.0", "far"), r"line 2: could not convert string to float: 'far'"),
         (good.replace("gap", "gape"), r"has no column gap"),
         (good.replace(",4.0", ""), r"line 2: not as many cells as columns"),

@@ -20,7 +20,7 @@ def test_all_flights_of_a_fast_policy_are_timed_and_every_decision() -> None:
     timing = measure(request_of(3), "pursuit", budget=60.0)
     assert len(timing.flights) == 3
     assert len(timing.decisions) >= 3 * 10  # a flight has that many segments
-    told = timing.told()
+    told = timing.summary()
     assert 0.0 < told["decision_seconds_median"] <= told["decision_seconds_99"]
     assert told["flight_seconds_median"] > told["decision_seconds_median"]
 

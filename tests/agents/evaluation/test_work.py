@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.evaluation import chunks, records
+from agents.evaluation import chunks
 from agents.evaluation import run as evaluation
 from agents.evaluation import work as evaluation_work
-from agents.evaluation.chunks import Answer, Task, fly_task
-from agents.evaluation.records import Record, Trace
+from agents.evaluation.chunks import Result, Task, fly_task
 from agents.evaluation.request import Request, field_of, name_of, spans
 from agents.evaluation.timing import Timing
 from agents.evaluation.work import WORK, Work
-from agents.policies.shield_decisions import ShieldDecision
+from agents.flights.flight import fly
+from agents.flights.flight_table import SHIELD, Columns, check, columns_of, drawable, join
 from agents.runtime import chunk_store
 from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend, Call, WorkerDiedError
@@ -30,7 +30,6 @@ from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.outcome import Outcome
 
 ALONE = Backend()
-HANDS = tuple(ShieldDecision)
 ENDS = (Outcome.GOAL_REACHED, Outcome.COLLISION, Outcome.GAVE_UP)
 REQUEST = Request(
     policies=["guided", "single-start+shield"],
@@ -40,40 +39,43 @@ REQUEST = Request(
 )
 
 
-def stub(policy: str, field: str, seed: int) -> tuple[Record, Trace]:
-    """A flight that never was, of odd values; always the same."""
+def stub(policy: str, field: str, seed: int) -> Columns:
+    """One flight of random values, the same at each call."""
     stream = np.random.default_rng(zlib.crc32(f"{policy} {field} {seed}".encode()))
-    shielded = policy.endswith("+shield")
-    segments = int(stream.integers(shielded, 6))
-    record = Record(
-        policy=policy,
-        field=field,
-        seed=seed,
-        from_paper=False,
-        outcome=ENDS[stream.integers(3)],
-        length=float(stream.uniform(100, 200)),
-        exact_length=None if seed == 2 else float(stream.uniform(90, 100)),
-        clearance=float(stream.normal()),
-        segments=segments,
-        min_turn_radius=math.inf if segments == 0 else float(stream.uniform(1, 9)),
-        seconds=1.0,
-        decision_seconds=stream.uniform(size=segments),
-        evaluations=int(stream.integers(1000)),
-        hands=[HANDS[k] for k in stream.integers(0, len(HANDS), segments)] if shielded else [],
-    )
-    windows = [stream.normal(size=(k, 4, 2)) for k in (1, 3)] if seed == 0 else []
-    refused = stream.normal(size=(4, 2)) if seed == 1 else None
-    control = stream.normal(size=(segments, 4, 2))
-    return record, Trace(control=control, refused=refused, windows=windows)
+    segments, windows = int(stream.integers(1, 6)), (1, 3) if seed == 0 else ()
+    outcome = ENDS[stream.integers(3)]
+    numbers: dict[str, Any] = {
+        "outcome": np.int8(outcome.code),
+        "from_paper": False,
+        "length": stream.uniform(100, 200),
+        "exact_length": math.nan if seed == 2 else stream.uniform(90, 100),
+        "gap": stream.uniform() if outcome.success and seed != 2 else math.nan,
+        "clearance": stream.normal(),
+        "segments": segments,
+        "min_turn_radius": stream.uniform(1, 9) if seed else math.inf,
+        "seconds": 1.0,
+        "decision_seconds_median": 0.25,
+        "decision_seconds_max": 0.5,
+        "evaluations": int(stream.integers(1000)),
+        "shield_steps": stream.integers(0, 9, len(SHIELD)).astype(np.int32),
+        "refused": stream.normal(size=(4, 2)),
+        "window_counts": len(windows),
+    }
+    return {
+        **{name: np.array([value]) for name, value in numbers.items()},
+        "window_segments": np.array(windows, np.int64),
+        "windows": stream.normal(size=(sum(windows), 4, 2)),
+        "control": stream.normal(size=(segments, 4, 2)),
+    }
 
 
-def stubs(task: Task) -> list[tuple[Record, Trace]]:
-    return [stub(task.policy, name_of(source), seed) for source, seed in task.flights]
+def stubs(task: Task) -> Columns:
+    return join([stub(task.policy, name_of(source), seed) for source, seed in task.flights])
 
 
 @pytest.fixture
 def stubbed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(chunks, "_one_by_one", stubs)
+    monkeypatch.setattr(chunks, "_fly", stubs)
     monkeypatch.setattr(evaluation, "draw_flights", lambda _, path, title: path.touch())
     monkeypatch.setattr(evaluation, "draw_comparison", lambda _, path: path.touch())
     monkeypatch.setattr(
@@ -97,24 +99,17 @@ def whole(stubbed: None, tmp_path: Path) -> dict[str, bytes]:
     return contents(tmp_path / "whole")
 
 
-def test_packs_hold_what_is_put_in_and_join() -> None:
-    keys = list(itertools.product(["guided", "guided+shield"], ["a", "b"], range(3)))
-    flown = [stub(*key) for key in keys]
-    halves = [records.pack(flown[:5]), records.pack(flown[5:5]), records.pack(flown[5:])]
-    for packed in (records.pack(flown), records.join(halves)):
-        for (record, trace), found, path in zip(
-            flown, records.records(packed, keys), records.traces(packed), strict=True
-        ):
-            assert np.array_equal(record.decision_seconds, found.decision_seconds)
-            for name in set(Record.__slots__) - {"decision_seconds"}:
-                assert getattr(found, name) == getattr(record, name), name
-            assert np.array_equal(path.control, trace.control)
-            assert (path.refused is None) == (trace.refused is None)
-            if trace.refused is not None and path.refused is not None:
-                assert np.array_equal(path.refused, trace.refused)
-            assert [w.tolist() for w in path.windows] == [w.tolist() for w in trace.windows]
-    with pytest.raises(ValueError):
-        list(records.records(records.pack(flown), keys[1:]))
+def test_columns_hold_what_pictures_show_of_flights() -> None:
+    field = get_field("sparse/train:0")
+    flights = [fly(policy, field) for policy in ("guided", "pursuit")]
+    columns = join([columns_of([flight], [True]) for flight in flights])
+    check(columns, 2)
+    for k, flight in enumerate(flights):
+        found = drawable(columns, k, flight.policy, field, 0)
+        assert np.array_equal(found.control, flight.control)
+        assert (found.outcome, found.refused, found.gap) == (flight.outcome, None, flight.gap)
+        chains = [one.chain for one in flight.decisions if one.report.starts > 0]
+        assert [one.chain.tolist() for one in found.decisions] == [c.tolist() for c in chains]
 
 
 def test_flights_are_in_order_whatever_the_chunks(whole: dict[str, bytes], tmp_path: Path) -> None:
@@ -159,7 +154,7 @@ def dying(dies: Callable[[list[str]], bool]) -> Callable[[Backend], Any]:
 
     @contextmanager
     def flying(_: Backend) -> Iterator[Any]:
-        def run(calls: Iterator[Call], ahead: int | None = None) -> Iterator[Answer]:
+        def run(calls: Iterator[Call], ahead: int | None = None) -> Iterator[Result]:
             calls = iter(calls)
             while held := list(itertools.islice(calls, ahead or 3)):
                 for _, (task,), _ in held:
@@ -224,9 +219,9 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
     for directory in (finished, stopped):
         for key, other in others:
             with pytest.raises(ValueError, match=rf"configuration \({key}\b.* was .*fresh"):
-                evaluation_work.check(Work(directory, other))
-    assert evaluation_work.check(Work(finished, REQUEST))
-    assert not evaluation_work.check(Work(stopped, REQUEST))
+                evaluation_work.is_finished(Work(directory, other))
+    assert evaluation_work.is_finished(Work(finished, REQUEST))
+    assert not evaluation_work.is_finished(Work(stopped, REQUEST))
     (finished / "guided.png").rename(finished / "mine.png")
     evaluation.run(replace(REQUEST, policies=["guided"]), finished, ALONE, fresh=True)
     names = {path.name for path in finished.iterdir()}
@@ -241,7 +236,7 @@ def test_another_configuration_is_refused_and_fresh_starts_over(
     }
     (finished / "summary.json").unlink()
     with pytest.raises(ValueError, match="does not say how it was made"):
-        evaluation_work.check(Work(finished, REQUEST))
+        evaluation_work.is_finished(Work(finished, REQUEST))
 
 
 @pytest.mark.usefixtures("stubbed")
@@ -251,7 +246,7 @@ def test_results_that_are_there_are_not_flown_again(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    monkeypatch.setattr(chunks, "_one_by_one", lambda *_: 1 / 0)
+    monkeypatch.setattr(chunks, "_fly", lambda *_: 1 / 0)
     evaluation.run(REQUEST, tmp_path / "whole", ALONE)
     assert "holds these results already; --fresh flies again" in capsys.readouterr().err
     assert contents(tmp_path / "whole") == whole
@@ -268,7 +263,7 @@ def test_killed_while_it_clears_up_the_results_are_there(
         patch.setattr(chunk_store.shutil, "rmtree", lambda place, **_: place.exists() and 1 / 0)
         with pytest.raises(ZeroDivisionError):
             evaluation.run(REQUEST, directory, ALONE)
-    assert evaluation_work.check(Work(directory, REQUEST))
+    assert evaluation_work.is_finished(Work(directory, REQUEST))
     evaluation.run(REQUEST, directory, ALONE)
     assert contents(directory) == whole
 
@@ -287,7 +282,7 @@ def test_a_damaged_chunk_is_told(tmp_path: Path) -> None:
     ("entries", "told"),
     [
         ({"versions": {"numpy": "1.0"}}, "a worker has other versions, .*numpy 1.0, not 2"),
-        ({"models": ["abc"]}, "the model of guided is not the same for a worker"),
+        ({"models": ["abc"]}, "the model of guided differs on a worker"),
     ],
 )
 def test_workers_of_other_software_are_refused(

@@ -6,10 +6,11 @@ import pytest
 from agents.evaluation import summary
 from agents.evaluation.tables import shields
 from agents.flights.flight import Flight, fly
+from agents.flights.flight_table import table_of
 from agents.policies.interface import Policy
 from agents.policies.registry import make_policy
 from agents.policies.shield import PATIENCE, Shield
-from agents.policies.shield_decisions import ShieldDecision, share_handed_over
+from agents.policies.shield_decisions import ShieldDecision
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.world import transition
@@ -109,7 +110,6 @@ def test_with_a_useless_agent_the_flight_is_the_planner_s(
     flown = shielded(agent, field)
     np.testing.assert_array_equal(flown.control, fly("guided", field, 0).control)
     assert set(flown.shield_decisions) == {hand}
-    assert share_handed_over(flown.shield_decisions) == 1.0
 
 
 def test_a_segment_into_a_dead_end_is_replaced() -> None:
@@ -157,13 +157,13 @@ def test_after_a_disturbance_the_agent_acts_again() -> None:
 
 def test_shield_decisions_are_summarised_in_a_table() -> None:
     flown = [shielded(Always(*CIRCLING), OPEN), fly("guided", OPEN, 0)]
-    told = summary.shields(flown)
+    told = summary.shields(table_of(flown))
     assert told[0]["steps"] == len(flown[0].shield_decisions)
     table = shields(told)
     assert table is not None
     assert table.row_count == 1
     assert "loitering" in next(iter(table.columns[-1].cells))
-    assert shields(summary.shields(flown[1:])) is None
+    assert shields(summary.shields(table_of(flown[1:]))) is None
 
 
 @pytest.mark.parametrize(
