@@ -161,11 +161,13 @@ def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
     curves: list[list[Array]] = [[] for _ in range(TRIES)]
     stream = np.random.default_rng(0)
     disturbances = np.zeros((TRIES, 4))
-    while len(which := flights.which):
+    while len(which := flights.active):
         fresh = stream.normal(size=(len(which), 4))
         disturbances = LASTING * disturbances + np.sqrt(1.0 - LASTING**2) * fresh
         wild = np.linspace(0.0, SPREAD, TRIES)[which, None] * disturbances
-        actions = np.clip(model.network.act(flights.seen) + wild, -1.0, 1.0).astype(np.float32)
+        actions = np.clip(model.network.act(flights.observations) + wild, -1.0, 1.0).astype(
+            np.float32
+        )
         flights.step(actions)
         feasible = flights.flying | flights.arrived
         for k, action, fine in zip(which.tolist(), actions, feasible, strict=True):

@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array, truncate_repr
-from ferguson_gym.simulation import step_kernel
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.simulation.step_buffers import DISABLED, INFOS
 from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
@@ -83,7 +82,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     distance to the goal, length the segment's arc length and D the straight distance from
     start to goal (141.42 m); less `failure` when the flight ends anywhere but on the goal.
     Progress telescopes and no segment is shorter than its progress, so circling never pays. A
-    successful flight of L metres returns 1 - detour (L / D - 1). With the prices as they are,
+    successful flight of L metres returns 1 - detour (L / D - 1). With the default penalties,
     `detour` 4 and `failure` 2, and the usual start and goal, a step's reward lies between -2.96
     (a longest segment straight back that is the last one) and 0.107 (the same straight to the
     goal).
@@ -128,7 +127,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `focus` | 0.0 | how far ahead [m] the point is to which they are nearest |
     | `rays` | 64 | rays, all around |
     | `view` | 30.0 | how far is seen, and what lengths are parts of [m] |
-    | `detour`, `failure` | 4.0, 2.0 | prices in the reward |
+    | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
     | `capacity` | None | obstacles that fields may have, if more than the suite's have |
     | `render_mode` | None | or human, rgb_array |
 
@@ -163,7 +162,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         self.render_mode = render_mode
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
-        self._fleet = BatchSimulator(self.settings, 1, step_kernel.DISABLED)
+        self._simulator = BatchSimulator(self.settings, 1, DISABLED)
         self._sizes = self.settings.layout.entries()
         self._field: Field | None = None
         self._viewer: Any = None
@@ -177,28 +176,28 @@ class ObstacleField(gym.Env[Observation, Action]):
         """
         self._started()
         if self._field is None:
-            self._field = self._fleet.field(0)
+            self._field = self._simulator.field(0)
         return self._field
 
     def _started(self) -> None:
-        if self._fleet.outcome[0] == NOT_STARTED:
+        if self._simulator.outcome[0] == NOT_STARTED:
             raise RuntimeError("no field yet: call reset() first")
 
     @property
     def state(self) -> State:
         """The vehicle's state, exactly; observations are rounded and clipped."""
         self._started()
-        return self._fleet.state(0)
+        return self._simulator.state(0)
 
     @property
     def control(self) -> Array:
         """Segments flown so far (n, 4, 2)."""
-        return self._fleet.control(0)
+        return self._simulator.control(0)
 
     @property
     def refused(self) -> Array | None:
         """The segment (4, 2) that ended the flight without being flown, if one did."""
-        return self._fleet.refused(0)
+        return self._simulator.refused(0)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -213,14 +212,14 @@ class ObstacleField(gym.Env[Observation, Action]):
         given, seed = known_options(options, "field").get("field"), as_seed(seed)
         field = seed if given is None else as_field(given)
         if isinstance(field, Field):
-            self._fleet.make_room(field)
+            self._simulator.ensure_capacity(field)
         super().reset(seed=seed)
         renewed = np.array([seed is not None])
-        self._fleet.begin(_ONE, [field], [self.np_random], renewed)
+        self._simulator.reset(_ONE, [field], [self.np_random], renewed)
         self._field = field if isinstance(field, Field) else None
         if self.render_mode == "human":
             self.render()
-        return self._seen(), self._info()
+        return self._observation(), self._info()
 
     def step(
         self, action: NDArray[np.floating[Any]]
@@ -232,27 +231,27 @@ class ObstacleField(gym.Env[Observation, Action]):
             RuntimeError: the flight is over, or there was no reset.
         """
         self._started()
-        if (code := int(self._fleet.outcome[0])) != Outcome.FLYING.code:
+        if (code := int(self._simulator.outcome[0])) != Outcome.FLYING.code:
             sentence = Outcome.from_code(code).sentence
             raise RuntimeError(f"the flight is over ({sentence}): call reset()")
         actions = as_actions(action, (4,))[None]
-        self._fleet.step(actions, [self.np_random])
+        self._simulator.step(actions, [self.np_random])
         if self.render_mode == "human":
             self.render()
-        report = self._fleet.reports[0]
+        report = self._simulator.reports[0]
         return (
-            self._seen(),
+            self._observation(),
             float(report["reward"]),
             bool(report["terminated"]),
             bool(report["truncated"]),
             self._info(),
         )
 
-    def _seen(self) -> Observation:
-        return entries_of(self._fleet.seen.copy(), self._sizes)
+    def _observation(self) -> Observation:
+        return entries_of(self._simulator.observations.copy(), self._sizes)
 
     def _info(self) -> dict[str, Any]:
-        report = self._fleet.reports[0]
+        report = self._simulator.reports[0]
         return {key: report[key].item() for key in INFOS}
 
     def render(self) -> NDArray[np.uint8] | None:
@@ -272,7 +271,7 @@ class ObstacleField(gym.Env[Observation, Action]):
             from ferguson_gym.rendering.viewer import Viewer
 
             self._viewer = Viewer(self.render_mode)
-        outcome = Outcome.from_code(int(self._fleet.outcome[0]))
+        outcome = Outcome.from_code(int(self._simulator.outcome[0]))
         image: NDArray[np.uint8] | None = self._viewer.draw(
             field, self.control, self.refused, outcome
         )

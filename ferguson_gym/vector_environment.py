@@ -13,11 +13,17 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array, truncate_repr
-from ferguson_gym.simulation import step_kernel
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
-from ferguson_gym.simulation.observations import Observation, Single, entries_of
+from ferguson_gym.simulation.observations import FlatObservation, Observation, entries_of
 from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.simulation.step_kernel import INFOS, Flags, Records
+from ferguson_gym.simulation.step_buffers import (
+    DISABLED,
+    INFOS,
+    NEXT_STEP,
+    SAME_STEP,
+    Flags,
+    Records,
+)
 from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
@@ -26,9 +32,9 @@ from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 
 _MODES = {
-    AutoresetMode.DISABLED: step_kernel.DISABLED,
-    AutoresetMode.NEXT_STEP: step_kernel.NEXT_STEP,
-    AutoresetMode.SAME_STEP: step_kernel.SAME_STEP,
+    AutoresetMode.DISABLED: DISABLED,
+    AutoresetMode.NEXT_STEP: NEXT_STEP,
+    AutoresetMode.SAME_STEP: SAME_STEP,
 }
 
 MOST = 10_000_000
@@ -104,7 +110,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.single_observation_space = observation_space(self.settings)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._fleet = BatchSimulator(self.settings, num_envs, _MODES[self.autoreset_mode])
+        self._simulator = BatchSimulator(self.settings, num_envs, _MODES[self.autoreset_mode])
         self._sizes = self.settings.layout.entries()
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []
@@ -128,7 +134,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             RuntimeError: before the first reset.
         """
         self._started()
-        return self._fleet.field(index)
+        return self._simulator.field(index)
 
     def state(self, index: int) -> State:
         """An environment's vehicle, exactly; observations are rounded and clipped.
@@ -137,7 +143,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             RuntimeError: before the first reset.
         """
         self._started()
-        return self._fleet.state(index)
+        return self._simulator.state(index)
 
     def _started(self) -> None:
         if not self._streams:
@@ -145,11 +151,11 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
 
     def control(self, index: int) -> Array:
         """Segments (n, 4, 2) that an environment's flight has flown; none before a reset."""
-        return self._fleet.control(index)
+        return self._simulator.control(index)
 
     def refused(self, index: int) -> Array | None:
         """The segment (4, 2) that ended an environment's flight without being flown."""
-        return self._fleet.refused(index)
+        return self._simulator.refused(index)
 
     def reset(
         self,
@@ -169,7 +175,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         chosen = self._mask(asked_for.get("reset_mask"))
         fields = self._fields(asked_for.get("field"))
         seeds = self._seeds_of(seed)
-        if not chosen.all() and (self._fleet.outcome[~chosen] == NOT_STARTED).any():
+        if not chosen.all() and (self._simulator.outcome[~chosen] == NOT_STARTED).any():
             raise ValueError("the first reset starts every environment: leave reset_mask out")
         renewed = chosen & np.array([one is not None for one in seeds])
         streams, drawn_from = list(self._streams), list(self._seeds)
@@ -181,9 +187,9 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         asked = [
             given if given is not None else one for given, one in zip(fields, seeds, strict=True)
         ]
-        self._fleet.begin(chosen, asked, streams, renewed)
+        self._simulator.reset(chosen, asked, streams, renewed)
         self._streams, self._seeds = streams, drawn_from
-        return self._seen(), self._infos(self._fleet.reports, chosen)
+        return self._observations(), self._infos(self._simulator.reports, chosen)
 
     def _mask(self, mask: object) -> Flags:
         if mask is None:
@@ -234,7 +240,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             ValueError: actions of another shape, not finite or outside [-1, 1].
             RuntimeError: no reset yet; autoreset is disabled and a flight is over.
         """
-        outcome = self._fleet.outcome
+        outcome = self._simulator.outcome
         self._started()
         if self.autoreset_mode is AutoresetMode.DISABLED and outcome.any():
             over = np.flatnonzero(outcome)
@@ -243,18 +249,18 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 f"{' and others' if len(over) > 10 else ''}: "
                 "call reset(options={'reset_mask': mask}) for them first"
             )
-        self._fleet.step(as_actions(actions, (self.num_envs, 4)), self._streams)
-        reports = self._fleet.reports
+        self._simulator.step(as_actions(actions, (self.num_envs, 4)), self._streams)
+        reports = self._simulator.reports
         terminated, truncated = reports["terminated"].copy(), reports["truncated"].copy()
         infos = self._infos(reports, self._all)
         if self.autoreset_mode is AutoresetMode.SAME_STEP:
             ended = terminated | truncated
             if ended.any():
-                infos |= self._final(*self._fleet.last, ended)
-        return self._seen(), reports["reward"].copy(), terminated, truncated, infos
+                infos |= self._final(*self._simulator.final, ended)
+        return self._observations(), reports["reward"].copy(), terminated, truncated, infos
 
-    def _seen(self) -> Observation:
-        return entries_of(self._fleet.seen.copy(), self._sizes, self.num_envs)
+    def _observations(self) -> Observation:
+        return entries_of(self._simulator.observations.copy(), self._sizes, self.num_envs)
 
     def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
         infos: dict[str, Any] = {}
@@ -262,7 +268,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             infos[key], infos[f"_{key}"] = reports[key].copy(), known.copy()
         return infos
 
-    def _final(self, flat: Single, reports: Records, ended: Flags) -> dict[str, Any]:
+    def _final(self, flat: FlatObservation, reports: Records, ended: Flags) -> dict[str, Any]:
         seen = entries_of(flat.copy(), self._sizes, self.num_envs)
         observations = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended).tolist():
@@ -290,7 +296,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 self.field(i),
                 self.control(i),
                 self.refused(i),
-                Outcome.from_code(int(self._fleet.outcome[i])),
+                Outcome.from_code(int(self._simulator.outcome[i])),
             )
             for i in range(self.num_envs)
         )

@@ -14,7 +14,7 @@ import ferguson_gym
 from agents.policies.interface import Policy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field

@@ -90,7 +90,7 @@ def _environments(settings: Settings, fields: Sequence[Field], number: int) -> V
         number,
         autoreset_mode=AutoresetMode.DISABLED,
         fields=1,
-        capacity=max(most, Settings().most),
+        capacity=max(most, Settings().max_obstacles),
         observation=settings.observation,
         nearest=settings.nearest,
         focus=settings.focus,

@@ -106,13 +106,13 @@ def shortest_rollout(
     disturbances = np.zeros((tries, 4))
     flown: list[tuple[NDArray[np.int64], Action, Array]] = []
     best, shortest = 0, math.inf
-    while len(which := flights.which):
+    while len(which := flights.active):
         fresh = stream.normal(size=(len(which), 4))
         disturbances = LASTING * disturbances + math.sqrt(1.0 - LASTING**2) * fresh
-        actions = model.network.act(flights.seen) + spreads[which] * disturbances
+        actions = model.network.act(flights.observations) + spreads[which] * disturbances
         single = np.clip(actions, -1.0, 1.0).astype(np.float32)
         flights.step(single)
-        flown.append((which, single, flights.ends.copy()))
+        flown.append((which, single, flights.positions.copy()))
         arrived = np.flatnonzero(flights.arrived)
         if len(arrived):
             first = arrived[np.argmin(flights.lengths[arrived])]

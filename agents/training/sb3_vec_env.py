@@ -11,7 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.spaces import as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
 

@@ -1,7 +1,8 @@
-"""Certified questions about one segment at a time, compiled: clearance, speed, room.
+"""Certified clearance, least speed and bounds margin of one segment at a time, compiled.
 
-The searches are those of `ferguson_gym.curves.nearest_point`; here segments become Bézier curves,
-cheap bounds spare most searches, and outward margins cover rounding.
+Segments become Bézier curves relative to a disc's centre, whose nearest point
+`ferguson_gym.curves.nearest_point` finds. Cheap lower bounds make most of these searches
+unnecessary, and outward margins cover rounding.
 """
 
 from __future__ import annotations
@@ -16,18 +17,18 @@ from ferguson_gym.curves.arc_length import NODES
 from ferguson_gym.curves.nearest_point import CUBIC, DEPTH, QUADRATIC, Rows, nearest_point
 from ferguson_gym.curves.splines import coordinate_extent
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled, compiled_in_place, unowned
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 _MARGIN = 2e-10
-"""Outward margin, part of the scale; covers the search (1e-10) and its rounding."""
+"""Outward margin relative to the scale; covers the search (1e-10) and its rounding."""
 _GRAIN = 1e-15
-"""Outward margin, part of the largest coordinate; covers forming X(t) - c."""
+"""Outward margin relative to the largest coordinate; covers the rounding of X(t) - c."""
 _ROUNDING = 1e-13
-"""Outward margin of the room inside bounds, part of the largest number in the control array."""
+"""Outward margin of the bounds margin, relative to the largest entry of the control array."""
 
 
 class Scratch(NamedTuple):
-    """Memory that questions about a segment work in."""
+    """Scratch memory for certifying one segment."""
 
     axes: Rows
     chord: Array
@@ -44,7 +45,7 @@ class Scratch(NamedTuple):
 
 @compiled
 def make_scratch(axes: Rows, discs: int) -> Scratch:
-    """Memory for segments in D dimensions, axes (0, ..., D - 1), among this many discs."""
+    """Scratch memory for segments in D dimensions, axes (0, ..., D - 1), among so many discs."""
     dimension = len(axes)
     return Scratch(
         axes,
@@ -61,24 +62,6 @@ def make_scratch(axes: Rows, discs: int) -> Scratch:
     )
 
 
-@compiled
-def borrowed_scratch(scratch: Scratch) -> Scratch:
-    """The same memory, without its owner; see `ferguson_gym.runtime.jit.unowned`."""
-    return Scratch(
-        scratch.axes,
-        unowned(scratch.chord),
-        unowned(scratch.work),
-        unowned(scratch.found),
-        unowned(scratch.points),
-        unowned(scratch.stack),
-        unowned(scratch.spans),
-        unowned(scratch.coefficients),
-        unowned(scratch.pieces),
-        unowned(scratch.widths),
-        unowned(scratch.speed2),
-    )
-
-
 @compiled_in_place
 def _margin(scale: float, largest: float) -> float:
     return _MARGIN * scale + _GRAIN * largest
@@ -86,7 +69,7 @@ def _margin(scale: float, largest: float) -> float:
 
 @compiled_in_place
 def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
-    """Fill Bézier points of X - c; return the outward margin of their distances."""
+    """Fill the Bézier points of X - c, c the centre of disc k; return the outward margin."""
     points, axes = scratch.points, scratch.axes
     largest = 0.0
     for d in range(len(axes)):
@@ -112,8 +95,8 @@ def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
 
 
 @compiled
-def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
-    """Least component of Bézier points along their sum; no point of the curve has less."""
+def _least_projection(points: Array, rows: Rows, axes: Rows) -> float:
+    """Least component of Bézier points along their sum, a lower bound of the curve's norm."""
     total2 = 0.0
     for d in range(len(axes)):
         total = 0.0
@@ -134,11 +117,11 @@ def _least_ahead(points: Array, rows: Rows, axes: Rows) -> float:
 
 @compiled_in_place
 def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
-    """Fill start and extent of a segment's chord; return its square and the curve's deviation.
+    """Fill a segment's chord; return its squared length and the curve's greatest deviation from it.
 
-    Each point of the curve is B0 P0 + B1 P1 + B2 P2 + B3 P3 with Bernstein weights; taking
-    the inner Bézier points to the nearest points of the chord gives a point of the chord, and
-    moves it by at most B1 + B2 <= 3/4 of the larger of their distances.
+    A point of the curve is B0 P0 + B1 P1 + B2 P2 + B3 P3 with Bernstein weights. Replacing the
+    inner Bézier points by their nearest points on the chord gives a point of the chord, and moves
+    it by at most B1 + B2 <= 3/4 times the larger of the two distances.
     """
     chord, axes = scratch.chord, scratch.axes
     square = 0.0
@@ -162,25 +145,27 @@ def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
 
 
 @compiled_in_place
-def _near(columns: Array, radii: Array, best: float, around: float, scratch: Scratch) -> int:
-    """Fill `found` with the discs within `best` of a circle that holds a segment; their number.
+def _fill_candidates(
+    columns: Array, radii: Array, best: float, around: float, scratch: Scratch
+) -> int:
+    """Fill `found` with the discs within `best` of a circle around a segment; return their number.
 
     Args:
         columns: (D, n) centres of the discs.
         radii: (n,).
         best: distance [m].
-        around: radius of the circle around the chord's middle, and margins [m].
-        scratch: memory, and the chord.
+        around: radius of the circle around the chord's middle, margins included [m].
+        scratch: memory; holds the chord.
     """
     chord, axes, spare, found = scratch.chord, scratch.axes, scratch.work[0], scratch.found
-    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
+    for k in range(len(radii)):  # no branches or roots, so that it becomes vector instructions
         off2 = 0.0
         for d in range(len(axes)):
             off = columns[d, k] - (chord[0, d] + 0.5 * chord[1, d])
             off2 += off * off
         wide = best + radii[k] + around
         wide = wide if wide > 0.0 else 0.0
-        # the distance's own share of the outward margin is taken off, the rest is in `around`
+        # the margin in proportion to the distance is subtracted here, the rest is in `around`
         spare[k] = wide * wide - off2 * (1.0 - 8.0 * _MARGIN)
     number = 0
     for k in range(len(radii)):
@@ -190,10 +175,10 @@ def _near(columns: Array, radii: Array, best: float, around: float, scratch: Scr
 
 
 @compiled_in_place
-def _bound(
+def _clearance_bound(
     columns: Array, radii: Array, k: int, inverse: float, reach: float, scratch: Scratch
 ) -> float:
-    """Lower bound of a segment's distance to disc k."""
+    """Lower bound of a segment's clearance from disc k, by its chord."""
     chord, axes = scratch.chord, scratch.axes
     along = 0.0
     for d in range(len(axes)):
@@ -209,15 +194,15 @@ def _bound(
 
 @compiled_in_place
 def segment_clearance(
-    control: Array, columns: Array, radii: Array, below: float, scratch: Scratch
+    control: Array, columns: Array, radii: Array, cutoff: float, scratch: Scratch
 ) -> float:
-    """Clearance of one segment (4, D) from its nearest disc, or `below` if that is less.
+    """Clearance of one segment (4, D) from its nearest disc, or `cutoff` if that is less.
 
     Args:
         control: (4, D) segment.
         columns: (D, n) centres of the discs.
-        radii: (n,); a disc with a radius of minus infinity is none.
-        below: what is not below this need not be found.
+        radii: (n,); a radius of minus infinity is padding.
+        cutoff: clearances that are not below it are not searched for.
         scratch: for n discs or more.
     """
     square, deviation = _chord(control, scratch)
@@ -228,14 +213,14 @@ def segment_clearance(
             largest = max(largest, abs(control[i, d]))
     around = deviation + chord
     reach = deviation + 4.0 * _margin(around, largest + around)
-    best = below
-    number = _near(columns, radii, best, 0.5 * chord + reach, scratch)
-    # first the disc that seems nearest: what it leaves rules out most others unseen
+    best = cutoff
+    number = _fill_candidates(columns, radii, best, 0.5 * chord + reach, scratch)
+    # the disc with the least bound comes first: its clearance rules out most of the others
     found, bounds = scratch.found, scratch.work[0]
     inverse = 1.0 / square if square > 0.0 else 0.0
     nearest = 0
     for m in range(number):
-        bounds[m] = _bound(columns, radii, found[m], inverse, reach, scratch)
+        bounds[m] = _clearance_bound(columns, radii, found[m], inverse, reach, scratch)
         if bounds[m] < bounds[nearest]:
             nearest = m
     for turn in range(number + 1):
@@ -253,12 +238,15 @@ def _nearer(
 ) -> float:
     """The lesser of `best` and the clearance from disc k."""
     margin = _shift(control, columns, k, scratch)
-    enough = best + margin + radii[k]
-    if enough <= 0.0 or _least_ahead(scratch.points, CUBIC, scratch.axes) >= enough + margin:
+    threshold = best + margin + radii[k]
+    if (
+        threshold <= 0.0
+        or _least_projection(scratch.points, CUBIC, scratch.axes) >= threshold + margin
+    ):
         return best
     norm, _ = nearest_point(
         scratch.points,
-        enough,
+        threshold,
         CUBIC,
         scratch.axes,
         scratch.stack,
@@ -270,8 +258,11 @@ def _nearer(
 
 
 @compiled_in_place
-def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[float, float]:
-    """Least speed of one segment (4, D) and its parameter; at least `enough` is proof enough."""
+def segment_speed(control: Array, threshold: float, scratch: Scratch) -> tuple[float, float]:
+    """Least speed of one segment (4, D) and its parameter.
+
+    Where the speed is at least `threshold`, a lower bound of at least `threshold` is returned.
+    """
     points, axes = scratch.points, scratch.axes
     largest = 0.0
     for d in range(len(axes)):
@@ -280,12 +271,12 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
         points[1, d] = 3.0 * (end - start) - leave - arrive
         largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
     margin = _margin(_largest_norm(points, QUADRATIC, axes), 8.0 * largest)
-    ahead = _least_ahead(points, QUADRATIC, axes)
-    if ahead >= enough + 2.0 * margin:
+    ahead = _least_projection(points, QUADRATIC, axes)
+    if ahead >= threshold + 2.0 * margin:
         return ahead - margin, 0.0
     norm, where = nearest_point(
         points,
-        enough + margin,
+        threshold + margin,
         QUADRATIC,
         axes,
         scratch.stack,
@@ -296,26 +287,26 @@ def segment_speed(control: Array, enough: float, scratch: Scratch) -> tuple[floa
 
 
 @compiled
-def segment_room(control: Array, bounds: Array, enough: float) -> float:
+def segment_bounds_margin(control: Array, bounds: Array, threshold: float) -> float:
     """Least distance of one segment (4, D) inside the bounds (2, D) [m].
 
-    At least `enough` is proof enough: then it may be that of the control polygon, which is less.
+    Where that of the control polygon, a lower bound, is at least `threshold`, it is returned.
     """
-    room = ahead = np.inf
+    bounds_margin = ahead = np.inf
     largest = 0.0
     for d in range(control.shape[1]):
         start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
-        one, other = start + leave / 3.0, end - arrive / 3.0
-        low, high = min(start, end, one, other), max(start, end, one, other)
+        second, third = start + leave / 3.0, end - arrive / 3.0
+        low, high = min(start, end, second, third), max(start, end, second, third)
         ahead = min(ahead, low - bounds[0, d], bounds[1, d] - high)
         largest = max(largest, abs(start), abs(end), abs(leave), abs(arrive))
-    if ahead - _ROUNDING * largest >= enough:
+    if ahead - _ROUNDING * largest >= threshold:
         return ahead - _ROUNDING * largest
     for d in range(control.shape[1]):
         start, end, leave, arrive = control[0, d], control[1, d], control[2, d], control[3, d]
         low, high = coordinate_extent(start, end, leave, arrive)
-        room = min(room, low - bounds[0, d], bounds[1, d] - high)
-    return room - _ROUNDING * largest
+        bounds_margin = min(bounds_margin, low - bounds[0, d], bounds[1, d] - high)
+    return bounds_margin - _ROUNDING * largest
 
 
 @compiled
@@ -342,13 +333,13 @@ def closest(control: Array, centers: Array, radii: Array, axes: Rows) -> tuple[A
 
 
 @compiled
-def clearance(control: Array, centers: Array, radii: Array, below: float, axes: Rows) -> Array:
-    """Clearance (segments,) from the nearest disc, or `below` if that is less."""
+def clearance(control: Array, centers: Array, radii: Array, cutoff: float, axes: Rows) -> Array:
+    """Clearance (segments,) from the nearest disc, or `cutoff` if that is less."""
     result = np.empty(len(control))
     columns = np.ascontiguousarray(centers.T)
     scratch = make_scratch(axes, len(radii))
     for s in range(len(control)):
-        result[s] = segment_clearance(control[s], columns, radii, below, scratch)
+        result[s] = segment_clearance(control[s], columns, radii, cutoff, scratch)
     return result
 
 
@@ -363,9 +354,9 @@ def least_speed(control: Array, axes: Rows) -> tuple[Array, Array]:
 
 
 @compiled
-def rooms(control: Array, bounds: Array) -> Array:
-    """Least distance inside the bounds (segments,)."""
+def bounds_margins(control: Array, bounds: Array) -> Array:
+    """Least distance inside the bounds (segments,) [m]."""
     result = np.empty(len(control))
     for s in range(len(control)):
-        result[s] = segment_room(control[s], bounds, np.inf)
+        result[s] = segment_bounds_margin(control[s], bounds, np.inf)
     return result

@@ -1,12 +1,17 @@
 """The greatest curvature along a segment, compiled.
 
-With v the derivative of a segment and C = v x v' (a number in the plane, one for each pair of
-axes in more dimensions), curvature^2 is G / S^3 with G = |C|^2 and S = |v|^2. C is of degree 2:
-its cubic terms cancel. The extremes are roots of P = G' S - 3 G S', a polynomial of degree 7.
-Its Bernstein coefficients tell where there are none, and where there is one, which is then found;
-those of G and S bound the curvature, so that pieces which cannot hold the greatest are left out;
-others are halved. Coefficients are formed anew from v and C of each halved piece: their rounding
-error shrinks with it, or the three roots of P that meet in a cusp could not be told apart.
+Let v be the derivative of a segment and C = v x v' (one number in the plane, one for each pair of
+axes in more dimensions). Then curvature^2 is G / S^3 with G = |C|^2 and S = |v|^2. C is of degree
+2, since its cubic terms cancel. Extremes are roots of P = G' S - 3 G S', a polynomial of degree 7.
+Its Bernstein coefficients show on which pieces it has no root, and on which it has exactly one,
+which Newton's method then finds. Those of G and S bound the curvature, so that pieces which cannot
+hold the greatest are discarded; other pieces are halved. Coefficients are computed from v and C
+of each halved piece, so that their rounding error shrinks with the piece; otherwise the three
+roots of P that meet in a cusp could not be told apart.
+
+Reference:
+    Farouki & Rajan (1988), Algorithms for polynomials in Bernstein form, Computer Aided
+    Geometric Design 5(1).
 """
 
 from __future__ import annotations
@@ -17,37 +22,38 @@ import numpy as np
 
 from ferguson_gym.curves.nearest_point import products
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 REST = 1e-12
-"""Speed that is none, a cusp: part of the largest coordinate of the derivative's coefficients."""
+"""Speed that counts as a cusp, relative to the largest coordinate of the hodograph's points."""
 _EPSILON = 2.0**-52
 _SHARP = 1e-12
-"""Part of the greatest curvature's square by which a piece that is left out may exceed it."""
+"""Relative amount by which a discarded piece may exceed the square of the greatest curvature."""
 _DEPTH = 64
-"""Halvings after which a piece counts by its middle."""
+"""Halvings after which only the middle of a piece is evaluated."""
 _PIECES = 4096
-"""Most pieces that are looked at."""
+"""Upper limit of pieces examined."""
 _STEPS = 60
-"""Most steps towards a root; halving alone would need no more."""
+"""Upper limit of steps towards a root; bisection alone would need no more."""
 _SQUARE = products(2)
 _EXTREME = np.array(
     [[math.comb(3, i) * math.comb(4, j) / math.comb(7, i + j) for j in range(5)] for i in range(4)]
 )
-"""Weights (4, 5) of coefficients i and j of factors of degree 3 and 4 in a product's i + j."""
+"""Weights (4, 5) of coefficients i and j of factors of degree 3 and 4 in coefficient i + j of their
+product, in Bernstein form."""
 
 
 @compiled
 def _crosses(v: Array, c: Array, control: Array, unit: float) -> None:
-    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is rounding alone.
+    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is all rounding error.
 
-    v comes from a control array (4, D) in other units.
+    v was computed from a control array (4, D) and divided by `unit`.
     """
     dimension = v.shape[1]
     pair, straight = 0, True
     for d in range(dimension):
         for e in range(d):
-            # how far rounding of the control rows, and of what v is made of, may be felt
+            # rounding error of v, from the control rows and the sums that v consists of
             off_d = off_e = 0.0
             for row in range(4):
                 weight = 3.0 if row < 2 else 1.0
@@ -99,7 +105,10 @@ def _fill(v: Array, c: Array, work: Array) -> None:
 
 @compiled
 def _root(extreme: Array, scratch: Array) -> float:
-    """The one root in (0, 1) of a polynomial of degree 7 that falls from above to below zero."""
+    """The only root in (0, 1) of a polynomial of degree 7 that changes from positive to negative.
+
+    Newton's method, safeguarded by bisection.
+    """
     low, high = 0.0, 1.0
     t = extreme[0] / (extreme[0] - extreme[7])
     for _ in range(_STEPS):
@@ -123,6 +132,53 @@ def _root(extreme: Array, scratch: Array) -> float:
     return float(t)
 
 
+@compiled_in_place
+def _fill_hodograph(control: Array, v: Array) -> tuple[float, float]:
+    """Fill v (3, D), the Bézier points of X'(t), in units of a power of two; return scale, unit.
+
+    The scale is their largest coordinate. Division by a power of two rounds nothing, and without
+    it the powers of v could leave the range of numbers.
+    """
+    scale = 0.0
+    for d in range(control.shape[1]):
+        leave, arrive = control[2, d], control[3, d]
+        v[0, d], v[2, d] = leave, arrive
+        v[1, d] = 3.0 * (control[1, d] - control[0, d]) - leave - arrive
+        for i in range(3):
+            scale = max(scale, abs(v[i, d]))
+    if scale == 0.0:
+        return 0.0, 1.0
+    unit = 2.0 ** np.floor(np.log2(scale))
+    for i in range(3):
+        for d in range(control.shape[1]):
+            v[i, d] /= unit
+    return scale, unit
+
+
+@compiled_in_place
+def _coefficient_bounds(work: Array) -> tuple[float, float, float]:
+    """Lower bound of S less its rounding error, upper bound of S, upper bound of G."""
+    least, largest, most = work[0, 0], work[0, 0], work[1, 0]
+    for k in range(1, 5):
+        least, largest = min(least, work[0, k]), max(largest, work[0, k])
+        most = max(most, work[1, k])
+    return least - 16.0 * _EPSILON * largest, largest, most
+
+
+@compiled_in_place
+def _sign_changes(extreme: Array, noise: float) -> tuple[int, bool]:
+    """Sign changes of the coefficients of P, and whether rounding cannot have changed a sign.
+
+    By Descartes' rule P has no more roots in (0, 1) than its coefficients have sign changes.
+    """
+    changes, certain = 0, True
+    for k in range(8):
+        certain = certain and abs(extreme[k]) > noise
+        if k > 0 and (extreme[k] > 0.0) != (extreme[k - 1] > 0.0):
+            changes += 1
+    return changes, certain
+
+
 @compiled
 def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> float:
     """Greatest curvature [1/m] of one segment; infinite at a cusp.
@@ -131,23 +187,12 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
         control: (4, D), so much smaller than the largest number that sums stay in range.
         v: scratch (_DEPTH + 2, 3, D).
         c: scratch (_DEPTH + 2, pairs of axes, 3).
-        spans: scratch (_DEPTH + 2,): halvings of each piece.
+        spans: scratch (_DEPTH + 2,): number of times that each piece was halved.
         work: scratch (4, 8).
     """
-    dimension = control.shape[1]
-    scale = 0.0
-    for d in range(dimension):
-        leave, arrive = control[2, d], control[3, d]
-        v[0, 0, d], v[0, 2, d] = leave, arrive
-        v[0, 1, d] = 3.0 * (control[1, d] - control[0, d]) - leave - arrive
-        for i in range(3):
-            scale = max(scale, abs(v[0, i, d]))
+    scale, unit = _fill_hodograph(control, v[0])
     if scale == 0.0:
         return np.inf
-    unit = 2.0 ** np.floor(np.log2(scale))  # powers would leave the range; this rounds nothing
-    for i in range(3):
-        for d in range(dimension):
-            v[0, i, d] /= unit
     _crosses(v[0], c[0], control, unit)
     rest = (REST * scale / unit) ** 2
     best = 0.0
@@ -157,25 +202,16 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
             return np.inf
         best = max(best, bend)
     spans[0] = 0.0
-    top, looked = 0, 0
+    top, examined = 0, 0
     while top >= 0:
-        looked += 1
+        examined += 1
         _fill(v[top], c[top], work)
-        least, largest, most = work[0, 0], work[0, 0], work[1, 0]
-        for k in range(1, 5):
-            least, largest = min(least, work[0, k]), max(largest, work[0, k])
-            most = max(most, work[1, k])
-        least -= 16.0 * _EPSILON * largest
+        least, largest, most = _coefficient_bounds(work)
         if least > 0.0 and most <= best * (1.0 + _SHARP) * least * least * least:
             top -= 1
             continue
-        # what rounding may hide of a coefficient of P
-        noise = 64.0 * _EPSILON * most * largest
-        changes, certain = 0, True
-        for k in range(8):
-            certain = certain and abs(work[2, k]) > noise
-            if k > 0 and (work[2, k] > 0.0) != (work[2, k - 1] > 0.0):
-                changes += 1
+        # bound on the rounding error of a coefficient of P
+        changes, certain = _sign_changes(work[2], 64.0 * _EPSILON * most * largest)
         if least > 0.0 and certain and changes <= 1:
             if changes == 1 and work[2, 0] > 0.0:
                 _, bend = _at(v[top], c[top], _root(work[2], work[3]))
@@ -186,11 +222,11 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
         if speed2 <= rest:
             return np.inf
         best = max(best, bend)
-        if spans[top] >= _DEPTH or looked >= _PIECES:
+        if spans[top] >= _DEPTH or examined >= _PIECES:
             top -= 1
             continue
-        # de Casteljau at the middle: the left half goes on top, the right half stays below it
-        for d in range(dimension):
+        # de Casteljau at the middle: the right half replaces the piece, the left goes on top
+        for d in range(control.shape[1]):
             _halve(v[top, :, d], v[top + 1, :, d])
         for pair in range(c.shape[1]):
             _halve(c[top, pair], c[top + 1, pair])

@@ -1,10 +1,11 @@
-"""The certified search, compiled: where a Bézier curve comes nearest to the origin.
+"""The point of a Bézier curve nearest to the origin, by a certified branch and bound, compiled.
 
 For a Bézier curve Y of degree n, |Y(t)|^2 is a polynomial of degree 2n. Its Bernstein
-coefficients bound it from below, and subdivision tightens the bound. A branch ends early
-where the coefficients show |Y|^2 monotone (its least value is at an end) or convex (a
-tangent bounds it). Coefficients are formed anew from the points of each subdivided curve,
-so their rounding error shrinks with the piece and the answer stays sharp at distance zero.
+coefficients bound it from below, and subdivision tightens the bound. A piece is discarded where
+the bound is no less than the best norm found. Where the coefficients show |Y|^2 to be convex,
+Newton's method finds its minimum, and a tangent bounds it. Coefficients are computed from the
+control points of each subdivided curve, not from those of |Y|^2, so their rounding error shrinks
+with the piece and the answer stays sharp at distance zero.
 
 Reference:
     Farouki & Rajan (1987), On the numerical condition of polynomials in Bernstein form,
@@ -18,21 +19,26 @@ from typing import TypeAlias
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 SHARPNESS = 1e-10
-"""The least norm found exceeds the true one by at most this part of the curve's scale."""
+"""The least norm found exceeds the true one by at most this fraction of the curve's scale."""
 DEPTH = 96
-"""Pieces held at once. A split leaves at most 3/4, so 96 reach below SHARPNESS; without the
-bound, numbers that overflowed would run out of the scratch memory."""
+"""Pieces on the stack. A split leaves at most 3/4 of a piece, so that 96 splits reach below
+SHARPNESS; the bound also keeps numbers that overflowed from leaving the scratch memory."""
 _ROUNDING = 64.0 * 2.0**-52
 """Bound on the error of a coefficient of |Y|^2, relative to the largest |Y_i|^2."""
 _UNCONVEX = 16.0
-"""What rounding may hide of a convex polynomial's bend and slope, in units of that error."""
+"""Rounding error of a convex polynomial's second and first differences, in units of that error."""
 
 
 def products(degree: int) -> Array:
-    """Weights (n + 1, n + 1) of Y_i . Y_j in coefficient i + j of |Y|^2."""
+    """Weights (n + 1, n + 1) of Y_i . Y_j in Bernstein coefficient i + j of |Y|^2, Y of degree n.
+
+    Reference:
+        Farouki & Rajan (1988), Algorithms for polynomials in Bernstein form, Computer Aided
+        Geometric Design 5(1).
+    """
     choose = np.zeros((2 * degree + 1, 2 * degree + 1))
     for n in range(2 * degree + 1):
         choose[n, 0] = 1.0
@@ -63,15 +69,18 @@ def _norm(stack: Array, piece: int, point: int, axes: Rows) -> float:
 
 
 @compiled
-def _least_of_convex(coefficients: Array, scratch: Array, rows: Rows) -> tuple[float, float]:
-    """Where a convex polynomial in Bernstein form is least, and a proved lower bound."""
+def _convex_minimum(coefficients: Array, scratch: Array, rows: Rows) -> tuple[float, float]:
+    """Minimiser of a convex polynomial in Bernstein form, and a proved lower bound.
+
+    Newton's method, safeguarded by bisection; each tangent bounds the polynomial from below.
+    """
     degree = 2 * len(rows) - 2
     low, high = 0.0, 1.0
     falls = coefficients[0] - coefficients[1]
     rises = coefficients[degree] - coefficients[degree - 1]
     t = falls / (falls + rises) if falls > 0.0 and rises > 0.0 else 0.5
     bound = -np.inf
-    # finer than a thousandth of what the caller must tell apart
+    # a thousandth of the difference that matters to the caller
     fine = 1e-13 * max(coefficients[0], coefficients[degree])
     for _ in range(40):
         for k in range(degree + 1):
@@ -97,16 +106,102 @@ def _least_of_convex(coefficients: Array, scratch: Array, rows: Rows) -> tuple[f
     return t, bound
 
 
+@compiled_in_place
+def _fill_squared_norm(
+    stack: Array, piece: int, coefficients: Array, rows: Rows, axes: Rows
+) -> float:
+    """Fill the Bernstein coefficients of |Y|^2 on a piece; return its largest |Y_i|^2."""
+    degree = len(rows) - 1
+    for k in range(2 * degree + 1):
+        coefficients[k] = 0.0
+    largest = 0.0
+    for i in range(degree + 1):
+        for j in range(i, degree + 1):
+            dot = 0.0
+            for d in range(len(axes)):
+                dot += stack[piece, i, d] * stack[piece, j, d]
+            if i == j:
+                largest = max(largest, dot)
+            coefficients[i + j] += (1.0 if i == j else 2.0) * _WEIGHTS[degree, i, j] * dot
+    return largest
+
+
+@compiled_in_place
+def _least_coefficient(coefficients: Array, rows: Rows) -> float:
+    least: float = coefficients[0]
+    for k in range(1, 2 * len(rows) - 1):
+        least = min(least, coefficients[k])
+    return least
+
+
+@compiled_in_place
+def _is_convex(coefficients: Array, rows: Rows) -> bool:
+    """Whether all second differences are nonnegative, hence the second derivative."""
+    convex = True
+    for k in range(2 * len(rows) - 3):
+        if coefficients[k + 2] - 2.0 * coefficients[k + 1] + coefficients[k] < 0.0:
+            convex = False
+            break
+    return convex
+
+
+@compiled_in_place
+def _norm_at(stack: Array, piece: int, t: float, scratch: Array, rows: Rows, axes: Rows) -> float:
+    """|Y(t)| on a piece by de Casteljau's algorithm; |Y|^2 has lost digits near zero."""
+    degree = len(rows) - 1
+    norm2 = 0.0
+    for d in range(len(axes)):
+        for i in range(degree + 1):
+            scratch[i] = stack[piece, i, d]
+        for level in range(degree, 0, -1):
+            for i in range(level):
+                scratch[i] += t * (scratch[i + 1] - scratch[i])
+        norm2 += scratch[0] * scratch[0]
+    return float(np.sqrt(norm2))
+
+
+@compiled_in_place
+def _spread(stack: Array, piece: int, rows: Rows, axes: Rows) -> float:
+    """Largest coordinate of a piece's control points relative to its first."""
+    spread = 0.0
+    for i in range(1, len(rows)):
+        for d in range(len(axes)):
+            spread = max(spread, abs(stack[piece, i, d] - stack[piece, 0, d]))
+    return spread
+
+
+@compiled_in_place
+def _subdivide(stack: Array, piece: int, t: float, scratch: Array, rows: Rows, axes: Rows) -> None:
+    """De Casteljau's algorithm: the right part replaces the piece, the left one goes on top."""
+    degree = len(rows) - 1
+    for d in range(len(axes)):
+        for i in range(degree + 1):
+            scratch[i] = stack[piece, i, d]
+        stack[piece + 1, 0, d] = scratch[0]
+        for level in range(degree, 0, -1):
+            for i in range(level):
+                scratch[i] += t * (scratch[i + 1] - scratch[i])
+            stack[piece + 1, degree - level + 1, d] = scratch[0]
+        for i in range(degree + 1):
+            stack[piece, i, d] = scratch[i]
+
+
 @compiled
 def nearest_point(
-    points: Array, enough: float, rows: Rows, axes: Rows, stack: Array, spans: Array, work: Array
+    points: Array,
+    threshold: float,
+    rows: Rows,
+    axes: Rows,
+    stack: Array,
+    spans: Array,
+    work: Array,
 ) -> tuple[float, float]:
-    """Least |Y(t)| over t in [0, 1], and where.
+    """Least |Y(t)| over t in [0, 1], and the t at which it is attained.
 
     Args:
         points: (n + 1, D) Bézier points of Y.
-        enough: the search may stop looking below a least norm it has proved to be at
-            least this (the value returned is then at least `enough`, not the least).
+        threshold: the search may stop as soon as the least norm is proved to be at least this;
+            the value returned is then at least `threshold`, not the least norm.
         rows: QUADRATIC or CUBIC, the curve's n + 1 rows.
         axes: the D axes.
         stack: scratch (DEPTH, n + 1, D).
@@ -127,8 +222,8 @@ def nearest_point(
         return 0.0, 0.0
     for i in range(degree + 1):
         for d in range(dimension):
-            stack[0, i, d] = points[i, d] / scale  # squares would leave the range
-    enough = enough / scale
+            stack[0, i, d] = points[i, d] / scale  # squares of unscaled numbers could overflow
+    threshold = threshold / scale
     best, where = _norm(stack, 0, 0, axes), 0.0
     last = _norm(stack, 0, degree, axes)
     if last < best:
@@ -137,70 +232,29 @@ def nearest_point(
     top = 0
     while top >= 0:
         start, end = spans[top, 0], spans[top, 1]
-        goal = min(best - SHARPNESS, enough)
+        goal = min(best - SHARPNESS, threshold)
         if goal <= 0.0:
             break
-        for k in range(2 * degree + 1):
-            coefficients[k] = 0.0
-        largest = 0.0
-        for i in range(degree + 1):
-            for j in range(i, degree + 1):
-                dot = 0.0
-                for d in range(dimension):
-                    dot += stack[top, i, d] * stack[top, j, d]
-                if i == j:
-                    largest = max(largest, dot)
-                coefficients[i + j] += (1.0 if i == j else 2.0) * _WEIGHTS[degree, i, j] * dot
-        least = coefficients[0]
-        for k in range(1, 2 * degree + 1):
-            least = min(least, coefficients[k])
-        noise = _ROUNDING * largest
-        if least - noise >= goal * goal:
+        noise = _ROUNDING * _fill_squared_norm(stack, top, coefficients, rows, axes)
+        if _least_coefficient(coefficients, rows) - noise >= goal * goal:
             top -= 1
             continue
-        convex = True
-        for k in range(2 * degree - 1):
-            if coefficients[k + 2] - 2.0 * coefficients[k + 1] + coefficients[k] < 0.0:
-                convex = False
-                break
         split = 0.5
-        if convex:
-            t, bound = _least_of_convex(coefficients, scratch, rows)
-            # evaluated on the curve, where the square has lost digits
-            norm2 = 0.0
-            for d in range(dimension):
-                for i in range(degree + 1):
-                    scratch[i] = stack[top, i, d]
-                for level in range(degree, 0, -1):
-                    for i in range(level):
-                        scratch[i] += t * (scratch[i + 1] - scratch[i])
-                norm2 += scratch[0] * scratch[0]
-            if np.sqrt(norm2) < best:
-                best, where = float(np.sqrt(norm2)), start + t * (end - start)
-                goal = min(best - SHARPNESS, enough)
+        if _is_convex(coefficients, rows):
+            t, bound = _convex_minimum(coefficients, scratch, rows)
+            norm = _norm_at(stack, top, t, scratch, rows, axes)
+            if norm < best:
+                best, where = norm, start + t * (end - start)
+                goal = min(best - SHARPNESS, threshold)
             if goal <= 0.0 or bound - _UNCONVEX * noise >= goal * goal:
                 top -= 1
                 continue
-            if 0.25 < t < 0.75:  # a piece that hardly shrinks would fill the stack
+            if 0.25 < t < 0.75:  # pieces that hardly shrink would fill the stack
                 split = t
-        spread = 0.0
-        for i in range(1, degree + 1):
-            for d in range(dimension):
-                spread = max(spread, abs(stack[top, i, d] - stack[top, 0, d]))
-        if dimension * spread <= SHARPNESS or top + 2 > DEPTH:
+        if dimension * _spread(stack, top, rows, axes) <= SHARPNESS or top + 2 > DEPTH:
             top -= 1
             continue
-        # de Casteljau: the left half goes on top, the right half stays below it
-        for d in range(dimension):
-            for i in range(degree + 1):
-                scratch[i] = stack[top, i, d]
-            stack[top + 1, 0, d] = scratch[0]
-            for level in range(degree, 0, -1):
-                for i in range(level):
-                    scratch[i] += split * (scratch[i + 1] - scratch[i])
-                stack[top + 1, degree - level + 1, d] = scratch[0]
-            for i in range(degree + 1):
-                stack[top, i, d] = scratch[i]
+        _subdivide(stack, top, split, scratch, rows, axes)
         middle = start + split * (end - start)
         spans[top, 0], spans[top, 1] = middle, end
         spans[top + 1, 0], spans[top + 1, 1] = start, middle

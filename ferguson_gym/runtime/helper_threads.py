@@ -1,8 +1,9 @@
 """Threads that share a compiled loop: pieces of work are claimed from an atomic counter.
 
-Whoever calls for the work does it, too, and waits for pieces that others have begun, never
-for a thread that has not come: on a busy machine the work is done alone, at no loss. (A team
-of OpenMP threads waits for each of its members, milliseconds where another process runs.)
+The calling thread works, too, and waits only for pieces that other threads have claimed, never
+for a thread that has not started. On a busy machine it therefore does all the work itself, at no
+loss. (A team of OpenMP threads waits for each of its members, which takes milliseconds where
+another process runs.)
 """
 
 from __future__ import annotations
@@ -19,20 +20,20 @@ from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 Counters = NDArray[np.int64]
-"""Two numbers: pieces claimed, pieces done."""
+"""Two numbers (2,): pieces claimed, pieces done."""
 
 CLAIMED, DONE = 0, 1
-PATIENCE = 250_000
-"""Looks at the counter, about a tenth of a millisecond, before a thread goes to sleep."""
+SPIN_LIMIT = 250_000
+"""How often a thread polls the counter, about a tenth of a millisecond, before it sleeps."""
 
 
 def new_counters() -> Counters:
-    """Nothing to do, and nothing done."""
+    """Counters of a job without work: every piece counts as claimed, none as done."""
     return np.array([2**62, 0], np.int64)
 
 
 def _exchange(operation: str) -> Any:
-    """An atomic change of a counter by an operation of LLVM; it returns what the counter was."""
+    """An atomic change of a counter by an operation of LLVM; returns the counter's old value."""
 
     @intrinsic
     def exchange(_: Any, counters: Any, index: Any, value: Any) -> Any:
@@ -71,27 +72,27 @@ get = cast("Callable[[Counters, int], int]", _get)
 
 
 class HelperThreads:
-    """Threads that help with one job for as long as it lives.
+    """Threads that help with one job for as long as this object lives.
 
     Args:
-        help_out: does pieces of the job while there are any, without the interpreter's lock,
-            and returns when none came for a while.
+        help_out: does pieces of the job while there are any, without the interpreter's lock;
+            returns when it found no piece for a while.
         size: number of threads.
     """
 
     def __init__(self, help_out: Callable[[], None], size: int) -> None:
-        self._bells = [_Bell() for _ in range(size)]
-        weakref.finalize(self, _dismiss, self._bells)
-        for bell in self._bells:
-            threading.Thread(target=_serve, args=(bell, help_out), daemon=True).start()
+        self._signals = [_WakeSignal() for _ in range(size)]
+        weakref.finalize(self, _stop, self._signals)
+        for signal in self._signals:
+            threading.Thread(target=_serve, args=(signal, help_out), daemon=True).start()
 
-    def call(self) -> None:
-        """Wake those who sleep."""
-        for bell in self._bells:
-            bell.ring()
+    def wake(self) -> None:
+        """Wake the threads that sleep."""
+        for signal in self._signals:
+            signal.send()
 
 
-class _Bell:
+class _WakeSignal:
     """Wakes one thread."""
 
     def __init__(self) -> None:
@@ -100,25 +101,25 @@ class _Bell:
         self._asleep = True
         self.over = False
 
-    def ring(self) -> None:
+    def send(self) -> None:
         if self._asleep:
             self._asleep = False
             self._lock.release()
 
     def sleep(self) -> None:
         self._asleep = True
-        if not self.over:  # which may have come while there was no need to ring
+        if not self.over:  # it may have been set while the thread was awake
             self._lock.acquire()
 
 
-def _serve(bell: _Bell, help_out: Callable[[], None]) -> None:
-    bell._lock.acquire()
-    while not bell.over:
+def _serve(signal: _WakeSignal, help_out: Callable[[], None]) -> None:
+    signal._lock.acquire()
+    while not signal.over:
         help_out()
-        bell.sleep()
+        signal.sleep()
 
 
-def _dismiss(bells: list[_Bell]) -> None:
-    for bell in bells:
-        bell.over = True
-        bell.ring()
+def _stop(signals: list[_WakeSignal]) -> None:
+    for signal in signals:
+        signal.over = True
+        signal.send()

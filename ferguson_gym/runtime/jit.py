@@ -1,9 +1,9 @@
 """Numba's compiler behind typed names, so that strict type checks see through it.
 
-Numba caches machine code beside the module and watches the file of the function it holds, no
-other; yet kernels call kernels and take constants of other files. Each is therefore cached under
-a name that carries a digest of every file that some kernel can reach: whatever changes, nothing
-stale is run.
+Numba caches machine code beside the module and invalidates it only when that module's file
+changes, although kernels call kernels and take constants of other files. Each kernel is therefore
+cached under a name with a digest of all files that some kernel can reach, so that no change leaves
+stale machine code in use.
 """
 
 from __future__ import annotations
@@ -43,8 +43,8 @@ def digest(root: Path) -> str:
 def reachable(root: Path) -> list[Path]:
     """Files with kernels, and all modules that they import, directly or not.
 
-    A module is known by its dotted name, so that modules of the same file name in several folders
-    are told apart. A package's `__init__` counts where a name is imported from it.
+    Modules are identified by their dotted names, since folders may hold files of the same name. A
+    package's `__init__` counts where a name is imported from it.
     """
     files = {
         _dotted(path.relative_to(root)): path
@@ -84,7 +84,7 @@ def _digest() -> str:
 
 
 def compiled(function: F) -> F:
-    """Compile to machine code on first use and cache it beside the module.
+    """Compile a function to machine code on first use and cache it beside its module.
 
     Arithmetic is IEEE (no fast-math: certificates depend on it) and a division by
     zero gives an infinity or NaN instead of an exception.
@@ -93,12 +93,12 @@ def compiled(function: F) -> F:
 
 
 def compiled_without_lock(function: F) -> F:
-    """As `compiled`; other Python threads run meanwhile."""
+    """As `compiled`, without the interpreter's lock: other Python threads can run meanwhile."""
     return _jit(function, nogil=True)
 
 
 def compiled_in_place(function: F) -> F:
-    """As `compiled`, but copied into its callers: for functions that take much by value."""
+    """As `compiled`, but inlined into every caller: for functions that many arguments make slow."""
     return _jit(function, inline="always")
 
 
@@ -108,26 +108,38 @@ def _jit(function: F, **options: Any) -> F:
 
 
 @intrinsic
-def _unowned(_: Any, array: Any) -> Any:
-    """An array without its owner: no reference is counted when it is sliced.
+def _unowned(_: Any, value: Any) -> Any:
+    """An array, or a tuple of arrays and others, without owners of memory.
 
-    The counting is atomic and takes a quarter of a step's time. Whoever borrows must see to it
-    that the array lives on.
+    No references are counted when such arrays are sliced; the counting is atomic and takes a
+    quarter of a step's time. The caller must keep the memory alive.
     """
 
-    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        struct = context.make_array(array)(context, builder, arguments[0])
+    def strip(context: Any, builder: Any, kind: Any, given: Any) -> Any:
+        if isinstance(kind, types.BaseTuple):
+            members: Any = kind
+            parts = [
+                strip(context, builder, member, builder.extract_value(given, i))
+                for i, member in enumerate(members)
+            ]
+            return context.make_tuple(builder, kind, parts)
+        if not isinstance(kind, types.Array):
+            return given
+        struct = context.make_array(kind)(context, builder, given)
         for member in ("meminfo", "parent"):
             old = getattr(struct, member)
             setattr(struct, member, ir.Constant(old.type, None))
         return struct._getvalue()
 
-    return array(array), generate
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return strip(context, builder, value, arguments[0])
+
+    return value(value), generate
 
 
 @intrinsic
 def _prefetch(_: Any, array: Any, byte: Any) -> Any:
-    """Have a line of an array's memory brought near, from this byte on, while work goes on."""
+    """Load a cache line of an array, from this byte on, without waiting for it."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         struct = context.make_array(array)(context, builder, arguments[0])

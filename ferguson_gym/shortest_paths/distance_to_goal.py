@@ -1,8 +1,8 @@
 """The exact distance to the goal from any point of a field, and the shortest path from there.
 
 From a point the shortest path leads straight to the goal, or along a tangent to one of the tracks
-of the tangent graph, which knows the rest. Tangents are tried in the order of a lower bound on
-the whole, and whether anything stands in their way is asked for the most promising alone.
+of the tangent graph, whose nodes hold the rest of the distance. Tangents are tried in the order of
+a lower bound on the length of the path, so that few of them are tested for collisions.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 
 STRAIGHT, NOWHERE = -1, -2
-"""In the place of a track: straight to the goal, and no way at all."""
+"""In place of a track: straight to the goal, and no path at all."""
 
 
 class Departure(NamedTuple):
@@ -57,8 +57,8 @@ class Departure(NamedTuple):
 
 
 @compiled
-def seen(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
-    """Whether a point is free, and the discs as they stand in the way of lines from it.
+def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
+    """Whether a point is free, and the discs as obstacles of lines from it.
 
     A point may lie inside a disc or outside the bounds by the tolerance [m]. A line from it may
     then be as deep in that disc as the point itself.
@@ -82,7 +82,7 @@ def seen(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Reco
 
 @compiled
 def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> Departure:
-    """The straight way from a point to the goal, if nothing stands in it."""
+    """The straight line from a point to the goal, if it is free."""
     dx, dy = goal[0] - x, goal[1] - y
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:
@@ -95,7 +95,7 @@ def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> D
 
 @compiled
 def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) -> Departure:
-    """The way from a point to the goal by a given track, be it clear or not."""
+    """The path from a point to the goal by a given track; collisions are not tested."""
     disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
     length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
     at = angle(sense, ux, uy)
@@ -107,11 +107,11 @@ def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) 
 
 
 @compiled
-def depart(
+def shortest_departure(
     scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
 ) -> Departure:
-    """The shortest way from a point to the goal."""
-    free, discs = seen(scene, x, y, tolerance)
+    """How the shortest path from a point to the goal leaves the point."""
+    free, discs = point_view(scene, x, y, tolerance)
     if not free:
         return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
     around = view(discs, x, y)
@@ -139,7 +139,7 @@ def _query(
 ) -> tuple[Array, Array]:
     distance, gradient = np.empty(len(points)), np.empty(points.shape)
     for k in range(len(points)):
-        way = depart(scene, tracks, goal, points[k, 0], points[k, 1], tolerance)
+        way = shortest_departure(scene, tracks, goal, points[k, 0], points[k, 1], tolerance)
         distance[k] = way.distance
         gradient[k, 0], gradient[k, 1] = -way.ux, -way.uy
     return distance, gradient
@@ -159,9 +159,9 @@ class DistanceToGoal:
     tolerance: float = PAPER_LIMITS.tolerance
     """By how much a point may lie inside discs or outside the bounds [m]."""
     scene: Scene = dataclasses.field(init=False, repr=False)
-    """The discs that can stand in a path's way."""
+    """The discs that can obstruct a path."""
     kept: Integers = dataclasses.field(init=False, repr=False)
-    """(n,) which of the field's discs these are."""
+    """(n,) their indices among the field's discs."""
     tracks: Tracks = dataclasses.field(init=False, repr=False)
     """The tangent graph."""
 
@@ -174,8 +174,8 @@ class DistanceToGoal:
     def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
         """Distance to the goal and its gradient.
 
-        The gradient is minus the direction in which the path leaves: a unit vector but for the
-        goal itself. Where two ways are equally short it belongs to one of them.
+        The gradient is minus the direction in which the path leaves: a unit vector except at the
+        goal. Where two paths are equally short it belongs to one of them.
 
         Args:
             points: (n, 2) [m]. A point that violates discs or bounds by the tolerance at most
@@ -201,7 +201,7 @@ class DistanceToGoal:
             ValueError: another shape, NaN or infinity.
         """
         x, y = finite("point", point, (2,))
-        way = depart(self.scene, self.tracks, self.field.goal, x, y, self.tolerance)
+        way = shortest_departure(self.scene, self.tracks, self.field.goal, x, y, self.tolerance)
         if way.track == NOWHERE:
             return None
         tracks = self.tracks
@@ -246,7 +246,7 @@ class DistanceToGoal:
 
 @lru_cache(maxsize=2)
 def distance_to_go(field: Field) -> DistanceToGoal:
-    """Built once a flight: fields are known by identity, and one flight follows the other.
+    """The distance to the goal of a field, kept for the last two fields (by identity).
 
     Raises:
         TypeError: obstacles other than discs in the plane.

@@ -1,4 +1,4 @@
-"""The shortest path through a field of discs, and its length, by which others are measured."""
+"""The shortest path through a field of discs, and its length, the reference for all flights."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ferguson_gym.world.obstacles import Discs
 def shortest_path(field: Field) -> ShortestPath | None:
     """The shortest path from start to goal through no open disc and inside the bounds.
 
-    Exact but for the margin of `ferguson_gym.shortest_paths.tangents`; None if there is no path.
+    Exact up to the margin of `ferguson_gym.shortest_paths.tangents`; None if there is no path.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
@@ -24,9 +24,9 @@ def shortest_path(field: Field) -> ShortestPath | None:
 
 
 def exact_length(field: Field) -> float | None:
-    """Length of the shortest path [m]; None if there is none, or obstacles are no plane discs.
+    """Length of the shortest path [m]; None without a path, or unless obstacles are planar discs.
 
-    It is found once for all fields of the same content, of which the last 4096 are remembered.
+    The results of the last 4096 fields are cached, by the content of the field.
 
     Example:
         >>> from ferguson_gym.world.field_names import get_field
@@ -37,12 +37,12 @@ def exact_length(field: Field) -> float | None:
     if not isinstance(discs, Discs) or discs.dimension != 2:
         return None
     arrays = (discs.centers, discs.radii, field.start, field.goal, field.bounds)
-    # not the field itself: every flight that a worker process returns has a copy of its own
+    # by content, since every flight that a worker process returns has its own copy of the field
     return _exact_length(*(array.tobytes() for array in arrays))
 
 
 def gap(length: float, exact: float) -> float:
-    """By which part a length exceeds that of the shortest path."""
+    """Relative excess of a length over that of the shortest path: length / exact - 1."""
     return length / exact - 1.0
 
 

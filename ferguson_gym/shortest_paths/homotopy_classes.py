@@ -1,14 +1,13 @@
 """The best homotopy classes of paths from a point to the goal, each by its shortest path.
 
-Obstacles in the plane leave a space in which every class of paths that can be deformed into each
-other has exactly one taut path. Different ways through the tangent graph are therefore shortest
-paths of different classes, but for those that differ in a disc touched without turning, which the
-tangent past that disc stands for. Ways are grown best first; the distance to the goal is known
-from every node, so that they are completed in the order of their lengths and hardly another is
-looked at.
+Among obstacles in the plane every homotopy class has exactly one taut path. Different routes
+through the tangent graph are therefore shortest paths of different classes, except for routes that
+differ only in a disc touched without turning; of these the tangent past the disc is kept. Routes
+are extended best first (A*). The exact distance to the goal is known from every node and serves as
+the heuristic, so that routes are completed in the order of their lengths.
 
-Classes that loop are left out: no path has straight pieces that cross, or runs along a part of a
-disc twice in the same sense. Cutting the loop out would leave a shorter path of another class.
+Classes with loops are left out: a path whose lines cross, or that follows a part of a disc twice
+in the same sense. Removing the loop would leave a shorter path of another class.
 
 Reference:
     Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
@@ -31,7 +30,7 @@ from ferguson_gym.shortest_paths.distance_to_goal import (
     STRAIGHT,
     DistanceToGoal,
     along_track,
-    seen,
+    point_view,
     straight,
 )
 from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
@@ -40,15 +39,15 @@ from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 
 TOUCH = 1e-7
-"""A disc along which a path turns less [rad] is touched, not gone round. Less short of a whole
-turn, it is a loop."""
+"""A disc along which a path turns by less [rad] is only touched. A turn that is by less than this
+short of a full one is a loop."""
 
 
 class Stage(NamedTuple):
-    """A way as far as the end of one of its lines."""
+    """A route up to the end of one of its lines."""
 
     parent: int
-    """The stage before, -1 for the first line."""
+    """The preceding stage, -1 for the first line."""
     track: int
     """The track that is reached, STRAIGHT at the goal."""
     at: float
@@ -56,7 +55,7 @@ class Stage(NamedTuple):
     turn: float
     """Sweep along the parent's track before the line [rad]."""
     length: float
-    """Of the way so far [m]."""
+    """Length of the route so far [m]."""
     x: float
     """Start of the line [m]."""
     y: float
@@ -80,19 +79,19 @@ def _long(stage: Stage) -> float:
 
 
 @compiled
-def _beside(one: Stage, other: Stage, least: float) -> bool:
+def _separated(one: Stage, other: Stage, least: float) -> bool:
     """Whether the ends of one line lie on different sides of another, by a least distance [m]."""
     dx, dy = other.end_x - other.x, other.end_y - other.y
     least *= _long(other)
     start = dx * (one.y - other.y) - dy * (one.x - other.x)
     end = dx * (one.end_y - other.y) - dy * (one.end_x - other.x)
-    beside: bool = min(start, end) < -least and max(start, end) > least
-    return beside
+    separated: bool = min(start, end) < -least and max(start, end) > least
+    return separated
 
 
 @compiled
 def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
-    """Whether a stage's last arc or line meets what came before it."""
+    """Whether a stage's last arc or line meets an earlier part of its route."""
     last = stages[index]
     if last.parent < 0:
         return False
@@ -105,7 +104,7 @@ def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bo
     before, turn = arc.parent, arc.turn
     while before >= 0:
         stage = stages[before]
-        if _beside(last, stage, least) and _beside(stage, last, least):
+        if _separated(last, stage, least) and _separated(stage, last, least):
             return True
         # this stage's track is left after `turn`
         if stage.track == arc.track and (
@@ -120,11 +119,11 @@ def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bo
 def _grow(
     scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float, k: int
 ) -> tuple[list[Stage], list[int]]:
-    """Stages of the k best ways, and those of them with which a way ends, in order of length."""
+    """Stages of the k best routes, and their last stages in the order of length."""
     stages = [Stage(-1, STRAIGHT, 0.0, 0.0, 0.0, x, y, x, y) for _ in range(0)]
     ends = [0 for _ in range(0)]
     heap = [(0.0, 0) for _ in range(0)]
-    free, discs = seen(scene, x, y, tolerance)
+    free, discs = point_view(scene, x, y, tolerance)
     if not free:
         return stages, ends
     around = view(discs, x, y)
@@ -195,7 +194,7 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
             turns.append((parent.track, parent.at, parent.at + stage.turn))
             stage = parent
         paths.append(distance.trace((x, y), turns[::-1], stages[end].length))
-    # the last digit of a length depends on where it was added up
+    # sorted, since the last digit of a length depends on the order of its summands
     return sorted(paths, key=lambda path: path.length)
 
 
@@ -204,12 +203,12 @@ def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:
 
     Args:
         field: of discs in the plane.
-        point: (2,) [m], free as in `DistanceToGo`.
-        k: how many classes.
+        point: (2,) [m], free as in `DistanceToGoal`.
+        k: number of classes.
 
     Returns:
         The shortest path of each class, the shortest class first; fewer than k if there are
-        no more without loops, none if there is no path.
+        no more without loops, and an empty list if there is no path.
 
     Raises:
         TypeError: obstacles other than discs in the plane.

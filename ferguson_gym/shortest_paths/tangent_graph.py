@@ -1,17 +1,17 @@
-"""The tangent graph of a field with the shortest way to the goal from every node, compiled.
+"""The tangent graph of a field with the shortest distance to the goal from every node, compiled.
 
-A track is a disc's boundary gone round in one sense. In the order of its way it carries the points
-where tangents leave it, the points where tangents arrive, and walls: the middles of those parts
-that another disc or the world outside the bounds covers. From a node the way leads on along the
-track to the next node, unless that is a wall, and from a point that is left along the tangent.
-Tangents touch tracks where no disc covers them, so that walls need no width. Nor do tangents need
-to end inside the bounds: a way that left the bounds could turn back past such a wall alone. A node
-has two ways on at most, so that Dijkstra's method takes little more time than sorting the nodes.
+A track is a disc's boundary with a sense of direction. In the order of that direction its nodes
+are the points where tangents leave it, the points where tangents arrive, and walls: the middles of
+those arcs that another disc or the outside of the bounds covers. Edges lead from a node along the
+track to the next node, unless that is a wall, and along the tangent that leaves there. Tangents
+touch tracks where no disc covers them, so that walls need no width. Nor need tangents end inside
+the bounds, since a path that left the bounds could only return past such a wall. A node has at
+most two outgoing edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
 
-Every way through this graph is taut: it turns along discs alone, hence is locally shortest. A
+Every path through this graph is taut: it turns only along discs, hence is locally shortest. A
 shortest path bends nowhere else, since the bounds are convex, and so is the free corner where two
-discs meet. Where three discs have a common tangent, rounding decides whether the one in the middle
-is reached before or behind the point where it is left; the way past all three is an edge too.
+discs meet. Where three discs have a common tangent, rounding decides whether the middle disc is
+reached before or after the point where it is left; the tangent past all three is an edge, too.
 
 Reference:
     Dijkstra (1959), A note on two problems in connexion with graphs, Numerische Mathematik 1.
@@ -40,11 +40,11 @@ from ferguson_gym.shortest_paths.tangents import (
 )
 
 GOAL, WALL = -1, -2
-"""What a node leads to, if not to another."""
+"""In place of the other node of a tangent."""
 
 
 class Tracks(NamedTuple):
-    """Nodes (m,) in the order of their tracks, and the shortest way to the goal from each."""
+    """Nodes (m,) in the order of their tracks, and the shortest path to the goal from each."""
 
     first: Integers
     """(2 n + 1,) first node of each track, and m."""
@@ -57,16 +57,16 @@ class Tracks(NamedTuple):
     line: Array
     """(m,) length of the tangent that leaves here [m], -1 where none does."""
     togo: Array
-    """(m,) length of the shortest way on to the goal [m]; infinite if there is none."""
+    """(m,) distance to the goal [m]; infinite if there is no path."""
     leave: Integers
-    """(m,) node at which that way leaves the track."""
+    """(m,) node at which the shortest path leaves the track."""
     least: Array
     """(2 n,) least `togo` of a track's nodes [m]."""
 
 
 @compiled
 def sweep(before: float, after: float) -> float:
-    """From an angle on to another [rad], less than a whole turn."""
+    """Angle from one direction on to another [rad], less than a full turn."""
     turn = after - before
     return turn if turn >= 0.0 else turn + TURN
 
@@ -170,7 +170,7 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
 
 @compiled
 def _search(scene: Scene, tracks: Tracks) -> None:
-    """Dijkstra's method from the goal backwards; fills togo, leave and least."""
+    """Dijkstra's algorithm from the goal backwards; fills togo, leave and least."""
     togo = tracks.togo
     heap = [(0.0, 0) for _ in range(0)]
     for node in range(len(togo)):
@@ -197,7 +197,7 @@ def _search(scene: Scene, tracks: Tracks) -> None:
 
 @compiled
 def build(scene: Scene, goal: Array) -> Tracks:
-    """The tangent graph of a scene with the shortest way from every node to a goal (2,)."""
+    """The tangent graph of a scene with the shortest path from every node to a goal (2,)."""
     tracks = _nodes(scene, tangents(scene), goal)
     _search(scene, tracks)
     return tracks

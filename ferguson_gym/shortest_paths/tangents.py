@@ -1,13 +1,13 @@
-"""Lines that touch discs: common tangents of two discs, and whether nothing stands in their way.
+"""Common tangents of discs, and whether they are free of collisions.
 
 A shortest path among discs is straight but for arcs along them, and its straight pieces touch the
-discs at their ends. A disc that is passed on the right-hand side of the path's way is gone round
-clockwise, sense -1; one on the left counter-clockwise, sense +1. A point is a disc of radius zero.
+discs at their ends. The path follows a disc on its right clockwise, sense -1, and a disc on its
+left counter-clockwise, sense +1. A point is a disc of radius zero.
 
-One margin stands between what counts as free and what as blocked, 1e-9 of the field's size (1e-7 m
-in the paper's fields): a piece may cut into a disc or leave the bounds by that much. So two discs
-that touch, or overlap by no more than the margin, let a path through between them; a gap is passed
-however narrow it is. Discs smaller than the margin are no obstacles.
+One margin separates free from blocked, 1e-9 of the field's size (1e-7 m in the paper's fields): a
+line or arc may cut into a disc or leave the bounds by that much. A path can therefore pass between
+two discs that touch, or that overlap by no more than the margin, and through any gap, however
+narrow. Discs smaller than the margin are ignored.
 
 Reference:
     Laumond (1987), Obstacle growing in a nonpolygonal world, Information Processing Letters 25.
@@ -29,7 +29,7 @@ from ferguson_gym.world.obstacles import Discs
 Integers = NDArray[np.int64]
 
 MARGIN = 1e-9
-"""How deep a piece may cut into a disc or out of the bounds, of the field's size."""
+"""Depth to which a path may cut into a disc or leave the bounds, relative to the field's size."""
 TURN = 2.0 * math.pi
 
 
@@ -47,7 +47,7 @@ DISC = np.dtype(
 
 
 class Scene(NamedTuple):
-    """The discs that can stand in a path's way: no disc within another, none outside the bounds."""
+    """The discs that can obstruct a path: not those within another disc or outside the bounds."""
 
     discs: Records
     """(n,); their reach is the radius less the margin."""
@@ -58,16 +58,16 @@ class Scene(NamedTuple):
 
 
 class View(NamedTuple):
-    """Discs in the order in which they come in the way of lines from around a point."""
+    """Discs in the order of their distance from a point."""
 
     order: Integers
     """(n,) discs."""
     near: Array
-    """(n,) how near each comes to the point [m], increasing."""
+    """(n,) distance of each from the point [m], increasing."""
 
 
 class Tangents(NamedTuple):
-    """Common tangents of discs that nothing blocks.
+    """Common tangents of discs that are free of collisions.
 
     Disc i gone round in sense +1 is track 2 i, in sense -1 track 2 i + 1; angles are measured in
     the track's sense, so they grow on the way. Reversed, a tangent leads from track `arrive ^ 1`
@@ -85,7 +85,7 @@ class Tangents(NamedTuple):
 
 
 def scene(field: Field) -> tuple[Scene, Integers]:
-    """The discs of a field that can stand in a path's way, and which of the field's they are.
+    """The discs of a field that can obstruct a path, and their indices among the field's discs.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
@@ -134,7 +134,7 @@ def _matters(
 
 @compiled
 def view(discs: Records, x: float, y: float) -> View:
-    """Discs as they are seen from a point, the nearest first."""
+    """The discs in the order of their distance from a point."""
     near = np.empty(len(discs))
     for k in range(len(discs)):
         disc = discs[k]

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 
-MOST = 100_000
-"""Points on a piece of a path: one every 0.25 m of 25 km."""
+MAX_POINTS = 100_000
+"""Upper limit of points on a line or arc: one every 0.25 m of 25 km."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -28,7 +28,7 @@ class ShortestPath:
     lines: Array
     """Start and end of each line, (m + 1, 2, 2) [m]."""
     discs: NDArray[np.int64]
-    """(m,) which of the field's discs each arc is on."""
+    """(m,) index of each arc's disc in the field."""
     senses: NDArray[np.int64]
     """(m,) +1 where it turns left, the disc on its left; -1 where it turns right."""
     centers: Array
@@ -41,7 +41,7 @@ class ShortestPath:
 
     @property
     def sweeps(self) -> Array:
-        """By how much each arc turns, (m,) [rad], never negative."""
+        """Angle by which each arc turns, (m,) [rad], never negative."""
         turns: Array = np.abs(self.angles[:, 1] - self.angles[:, 0])
         return turns
 
@@ -49,9 +49,10 @@ class ShortestPath:
         """Points on the path from its start to its end, (n, 2) [m].
 
         Args:
-            spacing: between neighbours along the path, at most [m], unless a piece is longer
-                than `MOST` of them. Ends of pieces are among the points. Chords between points
-                of an arc cut into its disc, by spacing^2 / (8 radius) at most.
+            spacing: greatest distance of neighbours along the path [m], unless a line or arc would
+                need more than `MAX_POINTS` of them. Ends of lines and arcs are among the points.
+                Chords between points of an arc cut into its disc, by at most
+                spacing^2 / (8 radius).
 
         Raises:
             ValueError: a spacing that is not positive.
@@ -72,6 +73,6 @@ class ShortestPath:
 
 
 def _shares(length: float, spacing: float) -> Array:
-    """How far along a piece its points lie, without its start; none for one without length."""
-    number = min(math.ceil(length / spacing), MOST)
+    """Fractions of a line or arc at which its points lie, without 0; empty for zero length."""
+    number = min(math.ceil(length / spacing), MAX_POINTS)
     return np.arange(1, number + 1) / max(number, 1)

@@ -1,4 +1,4 @@
-"""Vehicles under one set of settings: what the scalar and the vector environment share."""
+"""Simulation of N vehicles: what the scalar and the vector environment are built on."""
 
 from __future__ import annotations
 
@@ -10,118 +10,112 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.helper_threads import PATIENCE, HelperThreads, new_counters
+from ferguson_gym.runtime.helper_threads import SPIN_LIMIT, HelperThreads, new_counters
 from ferguson_gym.simulation import step_kernel
 from ferguson_gym.simulation.field_store import FieldStore
-from ferguson_gym.simulation.observations import Single
+from ferguson_gym.simulation.observations import FlatObservation
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.simulation.step_kernel import Flags, Records
+from ferguson_gym.simulation.step_buffers import (
+    DISABLED,
+    Flags,
+    Records,
+    as_plain_tuple,
+    make_buffers,
+)
 from ferguson_gym.world.actions import Action, check_action
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import FLOWN, State
 
-FIRST, BLOCK = 64, 256
-"""Seeds of later resets that are drawn at a time: the first time, when each may be a field that
-is yet to be laid out, and then, when it takes as long whatever their number."""
-VOID = BLOCK + 1
-"""In place of the next in a vehicle's queue, where nothing was drawn from its stream."""
+FIRST_BLOCK, BLOCK = 64, 256
+"""Seeds of later resets that are drawn at a time: the first time, when each may be a new field
+whose discs must be drawn, and afterwards, when the number hardly matters."""
+EMPTY = BLOCK + 1
+"""`next` in the queue of a vehicle for which nothing was drawn yet."""
 MANY = 64
-"""From this many vehicles on, threads share the work."""
+"""Number of vehicles from which on threads share the work."""
 
 NOT_STARTED = -1
-"""In place of an outcome, before the first reset."""
+"""The outcome before the first reset."""
 
 
 class BatchSimulator:
     """N vehicles, each in a field of its own.
 
-    The bank holds a slot for each vehicle, for fields that were asked for, and behind them
-    one for each of the `settings.fields` seeds that later resets draw from; those are filled
-    one after the other, by seeds that are drawn for the first time.
+    The field store has a slot for each vehicle, for fields that were asked for. Behind them it has
+    a slot for each of the `settings.fields` seeds from which later resets draw; these are filled
+    in the order in which seeds are drawn for the first time.
     """
 
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
         self.settings, self.number = settings, number
-        self._bank = FieldStore(number + settings.fields, settings.most)
-        flights = np.zeros(number, step_kernel.FLIGHT)
-        flights["outcome"], flights["next"] = NOT_STARTED, VOID
-        values = number * sum(settings.layout.entries().values())
-        self._job = step_kernel.StepBuffers(
-            flights=flights,
-            paths=np.zeros((number, settings.segments + 1, 4, 2)),
-            queue=np.zeros((number, BLOCK), np.int64),
-            world=self._bank.world,
-            actions=np.zeros((number, 4), np.float32),
-            limits=settings.limits.numbers(),
-            prices=settings.prices,
-            layout=settings.layout,
-            mode=mode,
-            seen=np.zeros(values, np.float32),
-            reports=np.zeros(number, step_kernel.REPORT),
-            last_seen=np.zeros(values, np.float32),
-            last_reports=np.zeros(number, step_kernel.REPORT),
-        )
-        self._bare = step_kernel.as_plain_tuple(self._job)
-        self._given: list[Field | None] = [None] * number
-        self._drawn: list[int] = []
-        self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's: not drawn yet
-        self._every = np.ones(number, np.bool_)
+        self._store = FieldStore(number + settings.fields, settings.max_obstacles)
+        self._buffers = make_buffers(settings, number, self._store.arrays, mode, BLOCK)
+        flights = self._buffers.flights
+        flights["outcome"], flights["next"] = NOT_STARTED, EMPTY
+        self._plain_buffers = as_plain_tuple(self._buffers)
+        self._given_fields: list[Field | None] = [None] * number
+        self._drawn_seeds: list[int] = []
+        self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's slot: not drawn yet
+        self._all = np.ones(number, np.bool_)
         self._counters = new_counters()
-        self._crew: HelperThreads | None = None
+        self._helpers: HelperThreads | None = None
 
     @property
     def outcome(self) -> NDArray[np.int64]:
-        """(N,) NOT_STARTED, or codes of outcomes; a flight that goes on has FLYING."""
-        return self._job.flights["outcome"]
+        """Codes of outcomes (N,), or NOT_STARTED; a flight that has not ended has FLYING."""
+        return self._buffers.flights["outcome"]
 
-    def make_room(self, field: Field) -> None:
-        """Let fields have as many obstacles as this one.
+    def ensure_capacity(self, field: Field) -> None:
+        """Make room for as many obstacles as this field has.
 
         Raises:
-            TypeError, ValueError: as `Bank.make_room`.
+            TypeError: obstacles other than discs.
+            ValueError: a field that is not planar.
         """
-        self._bank.make_room(field)
-        self._job = self._job._replace(world=self._bank.world)
-        self._bare = step_kernel.as_plain_tuple(self._job)
-        self._crew = None  # which works on the job as it was
+        self._store.ensure_capacity(field)
+        self._buffers = self._buffers._replace(fields=self._store.arrays)
+        self._plain_buffers = as_plain_tuple(self._buffers)
+        self._helpers = None  # which step the old buffers
 
-    def begin(
+    def reset(
         self,
         chosen: Flags,
         fields: Sequence[Field | int | None],
         streams: Sequence[np.random.Generator],
         renewed: Flags,
     ) -> None:
-        """Start flights; `seen` and `reports` are of all vehicles.
+        """Start flights; `observations` and `reports` are written for all vehicles.
 
         Args:
             chosen: (N,) vehicles that start.
-            fields: for each a field, the seed of one, or None: the next of its stream.
-            streams: (N,) from which the seeds of later fields are drawn.
-            renewed: (N,) streams that began anew, so that what they gave before is void.
+            fields: for each a field, the seed of one, or None to draw the next from its stream.
+            streams: (N,) random streams from which the seeds of later fields are drawn.
+            renewed: (N,) streams that were seeded again; seeds drawn from them before are dropped.
 
         Raises:
-            TypeError, ValueError: as `Bank.check`; then nothing has changed.
+            TypeError: obstacles other than discs.
+            ValueError: a field that is not planar or has more obstacles than the capacity. In
+                either case nothing has changed.
         """
-        flights, which = self._job.flights, np.flatnonzero(chosen).tolist()
-        laid = {}
+        flights, which = self._buffers.flights, np.flatnonzero(chosen).tolist()
+        asked_for = {}
         for i in which:
             if (field := fields[i]) is not None:
-                laid[i] = field if isinstance(field, Field) else self.settings.field(field)
-                self._bank.check(laid[i])
-        flights["next"][renewed] = VOID
+                asked_for[i] = field if isinstance(field, Field) else self.settings.field(field)
+                self._store.check(asked_for[i])
+        flights["next"][renewed] = EMPTY
         drawn = chosen.copy()
-        drawn[list(laid)] = False
+        drawn[list(asked_for)] = False
         self._draw_ahead(drawn, streams)
         for i in which:
-            if i in laid:
-                self._bank.put(i, laid[i])
-                self._given[i], flights["slot"][i] = laid[i], i
+            if i in asked_for:
+                self._store.put(i, asked_for[i])
+                self._given_fields[i], flights["slot"][i] = asked_for[i], i
             else:
-                flights["slot"][i] = self._job.queue[i, flights["next"][i]]
+                flights["slot"][i] = self._buffers.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
-        step_kernel.begin(self._bare, chosen)
+        step_kernel.reset(self._plain_buffers, chosen)
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -129,90 +123,91 @@ class BatchSimulator:
         Raises:
             ValueError: actions that are not finite or outside [-1, 1].
         """
-        if (bad := step_kernel.first_bad(actions)) >= 0:
-            where = f" (environment {bad})" if self.number > 1 else ""
-            check_action(actions[bad], where)
-        if self._job.mode != step_kernel.DISABLED and step_kernel.used_up(self._job.flights, BLOCK):
-            # before the step, so that one that was interrupted leaves nothing undone
-            self._draw_ahead(self._every, streams)
-        self._job.actions[:] = actions
+        if (invalid := step_kernel.first_invalid(actions)) >= 0:
+            where = f" (environment {invalid})" if self.number > 1 else ""
+            check_action(actions[invalid], where)
+        if self._buffers.mode != DISABLED and step_kernel.used_up(self._buffers.flights, BLOCK):
+            # before the step, so that an interrupted step leaves no queue empty
+            self._draw_ahead(self._all, streams)
+        self._buffers.actions[:] = actions
         if self.number >= MANY:
-            if self._crew is None:
-                self._crew = self._hire()
-            self._crew.call()
-        step_kernel.advance(self._bare, self._counters)
+            if self._helpers is None:
+                self._helpers = self._start_helpers()
+            self._helpers.wake()
+        step_kernel.advance(self._plain_buffers, self._counters)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but threads, which a copy hires anew."""
-        return self.__dict__ | {"_crew": None}
+        """Everything but threads; a copy starts its own."""
+        return self.__dict__ | {"_helpers": None}
 
-    def _hire(self) -> HelperThreads:
-        # the threads must not keep the fleet alive
-        job, counters = self._bare, self._counters
+    def _start_helpers(self) -> HelperThreads:
+        # locals, since threads that referred to `self` would keep it alive
+        buffers, counters = self._plain_buffers, self._counters
         threads = min(numba.get_num_threads(), self.number // step_kernel.CHUNK)
         return HelperThreads(
-            lambda: step_kernel.help_out(job, counters, step_kernel.FROM_BACK, PATIENCE),
+            lambda: step_kernel.help_out(buffers, counters, step_kernel.FROM_BACK, SPIN_LIMIT),
             threads - 1,
         )
 
     def _draw_ahead(self, chosen: Flags, streams: Sequence[np.random.Generator]) -> None:
-        """Draw a block of seeds for each chosen vehicle that has used up its own."""
-        flights = self._job.flights
+        """Draw a block of seeds for each chosen vehicle whose queue is used up."""
+        flights = self._buffers.flights
         for i in np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist():
-            size = FIRST if flights["next"][i] == VOID else BLOCK
+            size = FIRST_BLOCK if flights["next"][i] == EMPTY else BLOCK
             seeds = streams[i].integers(self.settings.fields, size=size)
             slots = self._slot_of[seeds]
             if not slots.all():
-                self._lay_out(seeds[slots == 0].tolist())
+                self._store_fields(seeds[slots == 0].tolist())
                 slots = self._slot_of[seeds]
-            self._job.queue[i, BLOCK - size :], flights["next"][i] = slots, BLOCK - size
+            self._buffers.queue[i, BLOCK - size :], flights["next"][i] = slots, BLOCK - size
 
-    def _lay_out(self, seeds: list[int]) -> None:
+    def _store_fields(self, seeds: list[int]) -> None:
+        """Draw the discs of seeds that have no slot yet."""
         for seed in seeds:
             if self._slot_of[seed] == 0:
-                slot = self.number + len(self._drawn)
-                self._bank.put_discs(slot, self.settings.discs(seed))
-                self._drawn.append(seed)
+                slot = self.number + len(self._drawn_seeds)
+                self._store.put_discs(slot, self.settings.discs(seed))
+                self._drawn_seeds.append(seed)
                 self._slot_of[seed] = slot
 
     @property
-    def seen(self) -> Single:
-        """Observations (N n,), entry after entry; the next step writes over them."""
-        return self._job.seen
+    def observations(self) -> FlatObservation:
+        """Observations (N n,), entry after entry; the next step overwrites them."""
+        return self._buffers.observations
 
     @property
     def reports(self) -> Records:
-        """What the last step or reset reported (N,); the next writes over it."""
-        return self._job.reports
+        """Reward, flags and infos (N,) of the last step or reset; the next one overwrites them."""
+        return self._buffers.reports
 
     @property
-    def last(self) -> tuple[Single, Records]:
-        """In SAME_STEP, what flights saw and reported that ended in the last step."""
-        return self._job.last_seen, self._job.last_reports
+    def final(self) -> tuple[FlatObservation, Records]:
+        """In SAME_STEP, last observations and infos of flights that ended in the last step."""
+        return self._buffers.final_observations, self._buffers.final_reports
 
     def field(self, i: int) -> Field:
-        """The field that a vehicle flies in."""
-        slot = int(self._job.flights["slot"][i])
-        given = self._given[slot] if slot < self.number else None
-        return given or self.settings.field(self._drawn[slot - self.number])
+        """The field in which a vehicle flies."""
+        slot = int(self._buffers.flights["slot"][i])
+        given = self._given_fields[slot] if slot < self.number else None
+        return given or self.settings.field(self._drawn_seeds[slot - self.number])
 
     def state(self, i: int) -> State:
-        """A vehicle's state, exactly."""
-        flight = self._job.flights[i]
+        """A vehicle's state in double precision."""
+        flight = self._buffers.flights[i]
         return State(
             flight["position"].copy(), flight["derivative"].copy(), int(flight["segments"])
         )
 
     def control(self, i: int) -> Array:
         """Segments (n, 4, 2) that a vehicle has flown."""
-        return self._job.paths[i, : self._job.flights[i]["segments"]].copy()
+        return self._buffers.paths[i, : self._buffers.flights[i]["segments"]].copy()
 
     def refused(self, i: int) -> Array | None:
-        """The segment (4, 2) that ended a flight without being flown, if one did."""
-        flight = self._job.flights[i]
+        """The segment (4, 2) that was refused and so ended a flight, if one was."""
+        flight = self._buffers.flights[i]
         if flight["outcome"] == NOT_STARTED:
             return None
         if Outcome.from_code(int(flight["outcome"])) in FLOWN:
             return None
-        control: Array = self._job.paths[i, flight["segments"]].copy()
+        control: Array = self._buffers.paths[i, flight["segments"]].copy()
         return control

@@ -1,4 +1,4 @@
-"""Fields laid out for compiled functions: a slot for each vehicle, and a store of drawn ones."""
+"""Fields as arrays of fixed shape, from which compiled functions read."""
 
 from __future__ import annotations
 
@@ -11,63 +11,65 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.obstacles import Discs
 
-PLACE = np.dtype(
+FIELD_RECORD = np.dtype(
     [
         ("start", np.float64, 2),
-        ("departure", np.float64, 2),
+        ("start_derivative", np.float64, 2),
         ("goal", np.float64, 2),
         ("bounds", np.float64, (2, 2)),
         ("distance", np.float64),
         ("clearance", np.float64),
     ]
 )
-"""What a field has beside obstacles: start [m], start derivative [m per unit t], goal, bounds,
+"""A field without its obstacles: start [m], start derivative [m per unit t], goal, bounds,
 the straight distance from start to goal and the clearance at the start [m]."""
 
 
 class FieldArrays(NamedTuple):
     """Fields by slot."""
 
-    places: NDArray[np.void]
-    """(slots,) of PLACE."""
+    records: NDArray[np.void]
+    """(slots,) of FIELD_RECORD."""
     discs: Array
     """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
 
 
 class FieldStore:
-    """Holds fields of at most M = `capacity` discs.
+    """Holds fields of at most M = `capacity` discs in numbered slots.
 
-    Slots behind the last that was filled take no memory: the system provides zeros on first use.
+    Slots beyond the last filled one take no memory, since the operating system provides zeros on
+    first use.
     """
 
     def __init__(self, slots: int, capacity: int) -> None:
         self.capacity = capacity
-        self._usual = Field(name="usual", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
-        self.world = FieldArrays(
-            places=np.zeros(slots, PLACE),
+        self._default = Field(name="default", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
+        self.arrays = FieldArrays(
+            records=np.zeros(slots, FIELD_RECORD),
             discs=np.zeros((slots, 3, max(capacity, 1))),
         )
         self.used = 0
-        """Slots up to the last that was filled."""
+        """Number of slots up to the last filled one."""
 
-    def make_room(self, field: Field) -> None:
-        """Let fields have as many discs as this one.
+    def ensure_capacity(self, field: Field) -> None:
+        """Raise the capacity to the number of discs of this field.
 
         Raises:
-            TypeError, ValueError: as `check`, but for the number of discs.
+            TypeError: obstacles other than discs.
+            ValueError: a field that is not planar.
         """
         capacity = len(planar_discs(field))
-        old = self.world.discs
+        old = self.arrays.discs
         if capacity > old.shape[2]:
             used = slice(self.used)
             discs = np.zeros((*old.shape[:2], capacity))
             discs[used, 2] = -np.inf
             discs[used, :, : old.shape[2]] = old[used]
-            self.world = self.world._replace(discs=discs)
+            self.arrays = self.arrays._replace(discs=discs)
         self.capacity = max(self.capacity, capacity)
 
     def check(self, field: Field) -> None:
-        """Refuse what has no place.
+        """Refuse a field that the store cannot hold.
 
         Raises:
             TypeError: obstacles other than discs.
@@ -80,21 +82,21 @@ class FieldStore:
             )
 
     def put(self, slot: int, field: Field) -> None:
-        """Lay out a field that was checked."""
+        """Write a field, already checked, into a slot."""
         assert isinstance(field.obstacles, Discs)
         self._put(slot, field, field.obstacles)
 
     def put_discs(self, slot: int, discs: Discs) -> None:
-        """Lay out a field of discs with the usual start, goal and bounds."""
-        self._put(slot, self._usual, discs)
+        """Write a field of discs with the default start, goal and bounds into a slot."""
+        self._put(slot, self._default, discs)
 
     def _put(self, slot: int, field: Field, discs: Discs) -> None:
-        world = self.world
-        for key in ("start", "departure", "goal", "bounds", "distance"):
-            world.places[key][slot] = getattr(field, key)
-        away = discs.signed_distance(field.start)
-        world.places["clearance"][slot] = np.min(away, initial=np.inf)
-        world.discs[slot, :2, : len(discs)] = discs.centers.T
-        world.discs[slot, 2, : len(discs)] = discs.radii
-        world.discs[slot, 2, len(discs) :] = -np.inf
+        arrays = self.arrays
+        for key in ("start", "start_derivative", "goal", "bounds", "distance"):
+            arrays.records[key][slot] = getattr(field, key)
+        distances = discs.signed_distance(field.start)
+        arrays.records["clearance"][slot] = np.min(distances, initial=np.inf)
+        arrays.discs[slot, :2, : len(discs)] = discs.centers.T
+        arrays.discs[slot, 2, : len(discs)] = discs.radii
+        arrays.discs[slot, 2, len(discs) :] = -np.inf
         self.used = max(self.used, slot + 1)

@@ -1,4 +1,4 @@
-"""What a pilot sees: numbers in [-1, 1], in a frame that is turned with the vehicle."""
+"""The observation: numbers in [-1, 1], in a frame that is turned with the vehicle."""
 
 from __future__ import annotations
 
@@ -13,46 +13,45 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.world.actions import heading, share_of_steepest
 
-Single: TypeAlias = NDArray[np.float32]
-Observation: TypeAlias = dict[str, Single]
+FlatObservation: TypeAlias = NDArray[np.float32]
+Observation: TypeAlias = dict[str, FlatObservation]
 
 KINDS = ("discs", "rays", "both")
-"""What obstacles are seen as: the nearest discs, ranges along rays (a lidar), or both."""
+"""How obstacles are observed: as the nearest discs, as ranges along rays (a lidar), or as both."""
 
 
 class Layout(NamedTuple):
-    """Where a flat observation has its entries; in the order of `gymnasium.spaces.flatten`."""
+    """What an observation consists of; entries in the order of `gymnasium.spaces.flatten`."""
 
     nearest: int
-    """K discs that are seen; 0 for rays alone."""
-    ways: Single
-    """Directions (2, R) in the vehicle's frame of the ranges that are seen; (2, 0) for discs
-    alone."""
+    """Rows K for the nearest discs; 0 for rays alone."""
+    ray_directions: FlatObservation
+    """Unit vectors (2, R) in the vehicle's frame; (2, 0) for discs alone."""
     focus: float
-    """Discs are seen that are nearest to the point this far ahead [m]."""
-    sight: float
-    """How far is seen, and what lengths are parts of [m]."""
+    """Discs are ordered by their distance from the point this far ahead [m]."""
+    max_range: float
+    """Range of the observation, by which lengths are divided [m]."""
 
     def entries(self) -> dict[str, int]:
         """Number of values of each entry, in order."""
         sizes = {"goal": 3, "mask": self.nearest, "obstacles": 4 * self.nearest}
-        sizes |= {"rays": self.ways.shape[1], "vehicle": 6}
+        sizes |= {"rays": self.ray_directions.shape[1], "vehicle": 6}
         return {key: size for key, size in sizes.items() if size}
 
 
-def rays_around(number: int) -> Single:
-    """Directions (2, number) all around, the first one forward, then to the left."""
+def rays_around(number: int) -> FlatObservation:
+    """Unit vectors (2, number) at equal angles, the first one forward, then to the left."""
     angles = 2.0 * np.pi * np.arange(number) / max(number, 1)
     return np.array([np.cos(angles), np.sin(angles)], np.float32)
 
 
-def entries_of(flat: Single, sizes: Mapping[str, int], *number: int) -> Observation:
+def entries_of(flat: FlatObservation, sizes: Mapping[str, int], *number: int) -> Observation:
     """Views of the entries of N observations, each (N, size), which lie one after the other.
 
     Args:
-        flat: as `look` fills it.
+        flat: (N n,) as `write_observation` fills it.
         sizes: number of values of each entry, in order.
-        number: N, or nothing for a single observation without that axis.
+        number: N, or nothing for a single observation without the axis of N.
     """
     entries, start = {}, 0
     for key, size in sizes.items():
@@ -69,13 +68,13 @@ def _clipped(value: float) -> float:
 
 @compiled_in_place
 def write_observation(
-    seen: Single,
+    observations: FlatObservation,
     i: int,
     number: int,
     layout: Layout,
     position: Array,
     derivative: Array,
-    left: float,
+    remaining: float,
     goal: Array,
     bounds: Array,
     columns: Array,
@@ -83,16 +82,16 @@ def write_observation(
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Fill in one of N observations; the environment's docstring says with what.
+    """Write one of N observations, as specified in the environment's docstring.
 
     Args:
-        seen: (N n,) where it is written: of each entry the values of all N, then the next entry.
-        i: which of them it is.
+        observations: (N n,) for each entry the values of all N, then the next entry.
+        i: index of the one to write.
         number: N.
-        layout: of each.
+        layout: of every observation.
         position: (2,) [m].
         derivative: (2,) [m per unit t].
-        left: segments left, part of all.
+        remaining: segments left, as a fraction of all.
         goal: (2,) [m].
         bounds: (2, 2) [m].
         columns: (2, M) centres of the discs.
@@ -105,21 +104,34 @@ def write_observation(
     x, y = goal[0] - position[0], goal[1] - position[1]
     distance = np.sqrt(x * x + y * y)
     diagonal = np.sqrt((bounds[1, 0] - bounds[0, 0]) ** 2 + (bounds[1, 1] - bounds[0, 1]) ** 2)
-    row = seen[3 * i : 3 * i + 3]
+    row = observations[3 * i : 3 * i + 3]
     row[0] = _clipped(distance / diagonal)
     row[1] = _clipped((cos * x + sin * y) / distance) if distance > 0.0 else 1.0
     row[2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
 
-    rays, nearest = layout.ways.shape[1], layout.nearest
-    rest, view = seen[3 * number :], layout.sight
+    rays, nearest = layout.ray_directions.shape[1], layout.nearest
+    rest, view = observations[3 * number :], layout.max_range
     if nearest > 0:
         mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
         rows = rest[4 * nearest * i : 4 * nearest * (i + 1)]
-        _nearest(mask, rows, layout.focus, view, position, cos, sin, columns, radii, work, found)
+        _write_nearest(
+            mask, rows, layout.focus, view, position, cos, sin, columns, radii, work, found
+        )
         rest = rest[4 * nearest * number :]
     if rays > 0:
         ranges = rest[rays * i : rays * (i + 1)]
-        _ranges(ranges, layout.ways, view, position, turn, bounds, columns, radii, work, found)
+        _write_ranges(
+            ranges,
+            layout.ray_directions,
+            view,
+            position,
+            turn,
+            bounds,
+            columns,
+            radii,
+            work,
+            found,
+        )
         rest = rest[rays * number :]
 
     row = rest[6 * i : 6 * i + 6]
@@ -130,7 +142,7 @@ def write_observation(
     row[3] = _clipped(sin)
     speed = np.sqrt(derivative[0] ** 2 + derivative[1] ** 2)
     row[4] = _clipped(share_of_steepest(speed))
-    row[5] = left
+    row[5] = remaining
 
 
 @compiled_in_place
@@ -143,23 +155,23 @@ def _within(
     spare: Array,
     found: NDArray[np.int64],
 ) -> int:
-    """Fill `found` with the discs whose surface is within view of a point; their number."""
-    for k in range(len(radii)):  # without branches or roots: it becomes vector instructions
+    """Fill `found` with the discs whose surface is within view of a point; return their number."""
+    for k in range(len(radii)):  # no branches or roots, so that it becomes vector instructions
         along, across = columns[0, k] - x, columns[1, k] - y
         wide = radii[k] + view
         wide = wide if wide > 0.0 else 0.0
         spare[k] = wide * wide - (along * along + across * across)
     number = 0
-    for k in range(len(radii)):  # without a branch, which no processor could predict
+    for k in range(len(radii)):  # no branch, since no processor could predict it
         found[number] = k
         number += spare[k] > 0.0
     return number
 
 
 @compiled
-def _nearest(
-    mask: Single,
-    rows: Single,
+def _write_nearest(
+    mask: FlatObservation,
+    rows: FlatObservation,
     focus: float,
     view: float,
     position: Array,
@@ -170,11 +182,11 @@ def _nearest(
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Fill mask (K,) and obstacles (4 K,): discs within view, nearest to the focus first."""
+    """Write mask (K,) and obstacles (4 K,): discs within view, nearest to the focus first."""
     near, share = work[1], 1.0 / view
     x, y = position[0] + focus * cos, position[1] + focus * sin
-    seen = _within(view, x, y, columns, radii, work[0], found)
-    for m in range(seen):
+    number = _within(view, x, y, columns, radii, work[0], found)
+    for m in range(number):
         k = found[m]
         along, across = columns[0, k] - x, columns[1, k] - y
         near[m] = np.sqrt(along * along + across * across) - radii[k]
@@ -182,11 +194,11 @@ def _nearest(
         mask[j] = 0.0
     for j in range(len(rows)):
         rows[j] = 0.0
-    for m in range(seen):
+    for m in range(number):
         j = 0
-        for other in range(seen):
+        for other in range(number):
             j += near[other] < near[m]
-        while j < len(mask) and mask[j] > 0.0:  # taken by one at the same distance
+        while j < len(mask) and mask[j] > 0.0:  # taken by a disc at the same distance
             j += 1
         if j < len(mask):
             k = found[m]
@@ -199,9 +211,9 @@ def _nearest(
 
 
 @compiled
-def _ranges(
-    ranges: Single,
-    ways: Single,
+def _write_ranges(
+    ranges: FlatObservation,
+    directions: FlatObservation,
     far: float,
     position: Array,
     turn: complex,
@@ -211,10 +223,10 @@ def _ranges(
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Fill ranges (R,) to the nearest disc or bound along ways (2, R) in the vehicle's frame.
+    """Write ranges (R,) to the nearest disc or bound along directions (2, R).
 
-    In single precision and without branches in the loops over rays: they become vector
-    instructions, and the result is of single precision anyway.
+    Loops over rays have no branches and single precision, so that they become vector
+    instructions; the result is of single precision anyway.
     """
     cos, sin = np.float32(turn.real), np.float32(turn.imag)
     none, one = np.float32(0.0), np.float32(1.0)
@@ -223,8 +235,8 @@ def _ranges(
     south, north = np.float32(bounds[0, 1] - position[1]), np.float32(bounds[1, 1] - position[1])
     view = np.float32(far)
     for j in range(len(ranges)):
-        x = cos * ways[0, j] - sin * ways[1, j]
-        y = sin * ways[0, j] + cos * ways[1, j]
+        x = cos * directions[0, j] - sin * directions[1, j]
+        y = sin * directions[0, j] + cos * directions[1, j]
         x = x if abs(x) > tiny else tiny
         y = y if abs(y) > tiny else tiny
         along = (east if x > none else west) / x
@@ -237,11 +249,11 @@ def _ranges(
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
         ahead = np.float32(turn.real * x + turn.imag * y)
         left = np.float32(turn.real * y - turn.imag * x)
-        # (r - a)(r + a), not r^2 - a^2, which would have no digits left for a wall of a disc
+        # (r - a)(r + a): r^2 - a^2 would cancel for a disc so large that it is like a wall
         radius = np.float32(radii[k])
         for j in range(len(ranges)):
-            along = ways[0, j] * ahead + ways[1, j] * left
-            across = ways[0, j] * left - ways[1, j] * ahead
+            along = directions[0, j] * ahead + directions[1, j] * left
+            across = directions[0, j] * left - directions[1, j] * ahead
             half2 = (radius - across) * (radius + across)
             reach = along - np.sqrt(half2 if half2 > none else none)
             reach = reach if reach > none else none

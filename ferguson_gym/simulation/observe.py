@@ -1,4 +1,4 @@
-"""What a pilot sees from any state of a flight, without an environment."""
+"""Observations from given states of a flight, without an environment."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ferguson_gym.world.transition import State
 
 @lru_cache(maxsize=16)
 def _layout(settings: Settings) -> Layout:
-    """The settings' own, made once: to make it takes longer than to look."""
+    """The layout of some settings, kept, since making it takes longer than an observation."""
     return settings.layout
 
 
@@ -28,7 +28,7 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
     """Observations (n, size) by entry, as an environment with these settings gives them.
 
     Args:
-        field: that all of the vehicles fly.
+        field: in which all vehicles fly.
         vehicles: n states.
         settings: of the environment.
 
@@ -39,15 +39,15 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
     discs = planar_discs(field)
     layout, most = _layout(settings), settings.segments
     sizes, count = layout.entries(), len(vehicles)
-    seen = np.empty(count * sum(sizes.values()), np.float32)
+    flat = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
     work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
     position, derivative = np.empty(2), np.empty(2)
     for i, vehicle in enumerate(vehicles):
-        # copied: for memory that may not be written, another kernel would be compiled
+        # copied, since another kernel would be compiled for read-only memory
         position[:], derivative[:] = vehicle.position, vehicle.derivative
         write_observation(
-            seen,
+            flat,
             i,
             count,
             layout,
@@ -61,4 +61,4 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
             work,
             found,
         )
-    return entries_of(seen, sizes, count)
+    return entries_of(flat, sizes, count)

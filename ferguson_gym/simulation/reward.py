@@ -1,4 +1,4 @@
-"""The reward: progress towards the goal, a price for detours and a price for failure."""
+"""The reward: progress towards the goal, less penalties for detours and for failure."""
 
 from __future__ import annotations
 
@@ -7,29 +7,31 @@ from typing import NamedTuple
 from ferguson_gym.runtime.jit import compiled
 
 
-class Prices(NamedTuple):
-    """What a flight is charged; progress pays 1 over the straight distance to the goal."""
+class Penalties(NamedTuple):
+    """Weights of the penalties; all progress from start to goal together is rewarded with 1."""
 
     detour: float
-    """For length beyond progress, times the straight distance."""
+    """Weight of length beyond progress, as a fraction of the straight distance."""
     failure: float
-    """When a flight ends anywhere but on the goal."""
+    """Subtracted when a flight ends anywhere but on the goal."""
 
 
 @compiled
-def gain(before: float, after: float, length: float, distance: float, prices: Prices) -> float:
-    """Reward of a segment that was flown.
+def segment_reward(
+    before: float, after: float, length: float, distance: float, penalties: Penalties
+) -> float:
+    """Reward of a segment that was flown, without the penalty for failure.
 
-    `(progress - detour (length - progress)) / distance`. Summed over a flight that reaches
-    the goal over L metres this is 1 - detour (L / D - 1), with D the straight distance.
-    Progress telescopes and no length is shorter than its progress, so circling never pays.
+    `(progress - detour (length - progress)) / distance`. The rewards of a flight
+    of L metres that reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance.
+    Progress telescopes and no segment is shorter than its progress, so circling never pays.
 
     Args:
         before: straight distance to the goal before the segment [m].
-        after: and after it [m].
-        length: of the segment [m].
+        after: straight distance to the goal after the segment [m].
+        length: arc length of the segment [m].
         distance: straight distance from start to goal [m].
-        prices: of detour and failure.
+        penalties: weights.
     """
     progress = before - after
-    return (progress - prices.detour * (length - progress)) / distance
+    return (progress - penalties.detour * (length - progress)) / distance

@@ -1,4 +1,4 @@
-"""What the environments are made with, checked in one place."""
+"""Arguments of the environments, checked in one place."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 from ferguson_gym.runtime.arrays import finite, truncate_repr
 from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
-from ferguson_gym.simulation.reward import Prices
+from ferguson_gym.simulation.reward import Penalties
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
@@ -23,14 +23,14 @@ from ferguson_gym.world.suites import (
     with_overrides,
 )
 
-MOST_FIELDS = 1_000_000
-"""That resets may draw from: each has its place in an array."""
-MOST_OBSTACLES = 10_000
-"""That a field may have room for; also the most rays, rows and segments."""
-FARTHEST = 1000.0
-"""That may be seen [m]."""
-MOST_IN_TRAPS = 117
-"""Five pockets of at most 21 discs, and 12 single ones."""
+MAX_FIELDS = 1_000_000
+"""Upper limit of `fields`; each takes an entry of an array."""
+MAX_OBSTACLES = 10_000
+"""Upper limit of `obstacles` and `capacity`, and of `rays`, `nearest` and `segments`."""
+MAX_VIEW = 1000.0
+"""Upper limit of `view` [m]."""
+MAX_OBSTACLES_IN_TRAPS = 117
+"""Obstacles of suite `traps`: five pockets of at most 21 discs, and 12 single discs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +38,7 @@ class Settings:
     """Arguments of the environment `ferguson/ObstacleField-v0`; its docstring explains them.
 
     Raises:
-        ValueError: an argument that makes no sense; the message says which would.
+        ValueError: an argument of the wrong type or out of range; the message gives the range.
     """
 
     suite: str = "standard"
@@ -63,36 +63,32 @@ class Settings:
                 raise ValueError(f"{name} must be a name, got {truncate_repr(given)}")
         check_suite(self.suite, self.split)
         self._check_numbers()
-        if not 1 <= self.fields <= MOST_FIELDS:
-            raise ValueError(
-                f"resets draw from 1 to {MOST_FIELDS} fields, got fields={self.fields}"
-            )
+        if not 1 <= self.fields <= MAX_FIELDS:
+            raise ValueError(f"resets draw from 1 to {MAX_FIELDS} fields, got fields={self.fields}")
         for name in ("obstacles", "capacity"):
             number = getattr(self, name)
-            if number is not None and not 0 <= number <= MOST_OBSTACLES:
-                raise ValueError(
-                    f"a field has 0 to {MOST_OBSTACLES} obstacles, got {name}={number}"
-                )
+            if number is not None and not 0 <= number <= MAX_OBSTACLES:
+                raise ValueError(f"a field has 0 to {MAX_OBSTACLES} obstacles, got {name}={number}")
         if self.observation not in KINDS:
             raise ValueError(
                 f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
             )
         for name in ("nearest", "rays", "segments"):
-            if not 1 <= (number := getattr(self, name)) <= MOST_OBSTACLES:
-                raise ValueError(f"need {name} from 1 to {MOST_OBSTACLES}, got {number}")
-        if not 1.0 <= self.view <= FARTHEST:
-            raise ValueError(f"view lies between 1 and {FARTHEST:g} m, got {self.view}")
+            if not 1 <= (number := getattr(self, name)) <= MAX_OBSTACLES:
+                raise ValueError(f"need {name} from 1 to {MAX_OBSTACLES}, got {number}")
+        if not 1.0 <= self.view <= MAX_VIEW:
+            raise ValueError(f"view lies between 1 and {MAX_VIEW:g} m, got {self.view}")
         if not 0.0 <= self.focus <= self.view:
             raise ValueError(f"focus lies between 0 and {self.view:g} m ahead, got {self.focus}")
         for name in ("detour", "failure"):
-            if not 0.0 <= (price := getattr(self, name)) <= 100.0:
-                raise ValueError(f"the price {name} lies between 0 and 100, got {price}")
-        if self.capacity is not None and self.capacity < self._most():
+            if not 0.0 <= (penalty := getattr(self, name)) <= 100.0:
+                raise ValueError(f"the penalty {name} lies between 0 and 100, got {penalty}")
+        if self.capacity is not None and self.capacity < self._suite_maximum():
             raise ValueError(
-                f"the suite's fields have up to {self._most()} obstacles, "
+                f"the suite's fields have up to {self._suite_maximum()} obstacles, "
                 f"more than capacity={self.capacity}"
             )
-        _ = self.limits, self.recipe  # they refuse what they cannot be made of
+        _ = self.limits, self.recipe  # which check what they are made from
 
     def _check_numbers(self) -> None:
         whole = ("fields", "obstacles", "segments", "nearest", "rays", "capacity")
@@ -105,7 +101,7 @@ class Settings:
                 raise ValueError(f"{name} must be {a_number}, got {truncate_repr(given)}")
         if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
             raise ValueError(f"radii are (least, greatest), got {truncate_repr(self.radii)}")
-        if self.radii is not None:  # not the caller's own list, which may change
+        if self.radii is not None:  # a copy, since the caller's list may change
             object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 
     @property
@@ -114,13 +110,13 @@ class Settings:
         return replace(PAPER_LIMITS, gate=float(self.gate), segments=int(self.segments))
 
     @property
-    def prices(self) -> Prices:
-        """Prices in the reward."""
-        return Prices(float(self.detour), float(self.failure))
+    def penalties(self) -> Penalties:
+        """Weights of the penalties in the reward."""
+        return Penalties(float(self.detour), float(self.failure))
 
     @property
     def recipe(self) -> Recipe:
-        """Draws the discs of a field."""
+        """The recipe by which the discs of a field are drawn."""
         if self.obstacles is None and self.radii is None:
             return SUITES[self.suite]
         radii = None if self.radii is None else (self.radii[0], self.radii[1])
@@ -134,20 +130,20 @@ class Settings:
         return Layout(nearest, rays_around(rays), float(self.focus), float(self.view))
 
     @property
-    def most(self) -> int:
-        """Obstacles that a field may have."""
-        return self._most() if self.capacity is None else self.capacity
+    def max_obstacles(self) -> int:
+        """Number of obstacles that a field may have."""
+        return self._suite_maximum() if self.capacity is None else self.capacity
 
-    def _most(self) -> int:
+    def _suite_maximum(self) -> int:
         recipe = self.recipe
-        return sum(recipe.designs) if isinstance(recipe, Scattered) else MOST_IN_TRAPS
+        return sum(recipe.designs) if isinstance(recipe, Scattered) else MAX_OBSTACLES_IN_TRAPS
 
     def discs(self, seed: int) -> Discs:
         """The discs of a seed's field."""
         return suite_discs(self.suite, self.split, seed, self.recipe)
 
     def field(self, seed: int) -> Field:
-        """The field of a seed; one that is not the suite's own says what was altered."""
+        """The field of a seed; its name tells what was overridden."""
         name = f"{self.suite}/{self.split}:{seed}"
         if self.obstacles is not None:
             name += f", {self.obstacles} obstacles"
@@ -157,7 +153,7 @@ class Settings:
 
 
 def settings_of(arguments: dict[str, Any]) -> Settings:
-    """The settings that an environment's arguments mean.
+    """Settings from an environment's arguments.
 
     Raises:
         TypeError: an unknown argument.

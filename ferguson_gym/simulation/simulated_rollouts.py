@@ -1,7 +1,7 @@
-"""Imagined flights: vehicles that set out together from any state, stepped as the environment does.
+"""Simulated rollouts: flights of one field from a common state, stepped as the environment does.
 
-What is imagined is judged by the compiled code that judges flights
-(`ferguson_gym.simulation.step_kernel`).
+The compiled step is the environment's own (`ferguson_gym.simulation.step_kernel`), so that what a
+rollout predicts is what the environment does.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from ferguson_gym.simulation import step_kernel
 from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.simulation.step_buffers import DISABLED, as_plain_tuple, make_buffers
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.outcome import Outcome
@@ -24,13 +25,13 @@ _FLYING, _ARRIVED = Outcome.FLYING.code, Outcome.GOAL_REACHED.code
 
 
 class SimulatedRollouts:
-    """Flights of one field, numbered from 0 on; those that are over, or given up, are not stepped.
+    """Rollouts numbered from 0 on, of which only the active ones are stepped.
 
     Args:
-        field: that they fly.
-        vehicle: where they begin.
-        number: of flights.
-        settings: of what is seen, and of the limits.
+        field: in which they fly.
+        vehicle: the state in which they start.
+        number: how many.
+        settings: of observations and limits.
 
     Raises:
         TypeError: obstacles other than discs.
@@ -38,78 +39,59 @@ class SimulatedRollouts:
     """
 
     def __init__(self, field: Field, vehicle: State, number: int, settings: Settings) -> None:
-        bank = FieldStore(1, len(planar_discs(field)))
-        bank.put(0, field)
-        flights = np.zeros(number, step_kernel.FLIGHT)
+        store = FieldStore(1, len(planar_discs(field)))
+        store.put(0, field)
+        self._settings, self._sizes = settings, settings.layout.entries()
+        self._buffers = make_buffers(settings, number, store.arrays, DISABLED)
+        flights = self._buffers.flights
         flights["position"], flights["derivative"] = vehicle.position, vehicle.derivative
         flights["segments"], flights["outcome"] = vehicle.segments, _FLYING
         flights["clearance"] = np.inf
-        layout = settings.layout
-        self._sizes = layout.entries()
-        values = number * sum(self._sizes.values())
-        self._job = step_kernel.StepBuffers(
-            flights=flights,
-            paths=np.empty((number, settings.limits.segments + 1, 4, 2)),
-            queue=np.zeros((number, 1), np.int64),
-            world=bank.world,
-            actions=np.empty((number, 4), np.float32),
-            limits=settings.limits.numbers(),
-            prices=settings.prices,
-            layout=layout,
-            mode=step_kernel.DISABLED,
-            seen=np.empty(values, np.float32),
-            reports=np.empty(number, step_kernel.REPORT),
-            last_seen=np.empty(0, np.float32),
-            last_reports=np.empty(0, step_kernel.REPORT),
-        )
         self._counters = new_counters()
-        self.which: NDArray[np.int64] = np.arange(number)
-        """Numbers (n,) of the flights that go on."""
-        step_kernel.begin(step_kernel.as_plain_tuple(self._job), np.zeros(number, np.bool_))
+        self.active: NDArray[np.int64] = np.arange(number)
+        """Numbers (n,) of the active rollouts."""
+        step_kernel.reset(as_plain_tuple(self._buffers), np.zeros(number, np.bool_))
 
     @property
-    def seen(self) -> Observation:
-        """What those that go on see (n, size), by entry."""
-        return entries_of(self._job.seen, self._sizes, len(self.which))
+    def observations(self) -> Observation:
+        """Observations (n, size) of the active rollouts, by entry."""
+        return entries_of(self._buffers.observations, self._sizes, len(self.active))
 
     @property
-    def ends(self) -> Array:
-        """Where the last step led them, or would have (n, 2)."""
-        return self._job.flights["position"]
+    def positions(self) -> Array:
+        """Positions (n, 2) [m] after the last step; a refused segment leaves them unchanged."""
+        return self._buffers.flights["position"]
 
     @property
     def lengths(self) -> Array:
-        """What they have flown (n,) [m]."""
-        return self._job.flights["path_length"]
+        """Path lengths (n,) [m], from the common state on."""
+        return self._buffers.flights["path_length"]
 
     @property
     def arrived(self) -> NDArray[np.bool_]:
-        """Which of them are on the goal (n,)."""
-        arrived: NDArray[np.bool_] = self._job.flights["outcome"] == _ARRIVED
+        """Which of the active rollouts are on the goal (n,)."""
+        arrived: NDArray[np.bool_] = self._buffers.flights["outcome"] == _ARRIVED
         return arrived
 
     @property
     def flying(self) -> NDArray[np.bool_]:
-        """Which of them are not over (n,)."""
-        flying: NDArray[np.bool_] = self._job.flights["outcome"] == _FLYING
+        """Which of the active rollouts have not ended (n,)."""
+        flying: NDArray[np.bool_] = self._buffers.flights["outcome"] == _FLYING
         return flying
 
     def step(self, actions: Action) -> None:
-        """Fly one action (4,) in [-1, 1] of each that goes on; what they see is of after it."""
-        self._job.actions[:] = actions
-        step_kernel.advance(step_kernel.as_plain_tuple(self._job), self._counters)
+        """Fly one action each: (n, 4) in [-1, 1]."""
+        self._buffers.actions[:] = actions
+        step_kernel.advance(as_plain_tuple(self._buffers), self._counters)
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
-        """Let those go on that are chosen (n,)."""
+        """Let only the chosen (n,) of the active rollouts stay active."""
         if chosen.all():
             return
-        count, job, seen = int(chosen.sum()), self._job, self.seen
-        self.which = self.which[chosen]
-        self._job = job._replace(
-            flights=job.flights[chosen],
-            paths=job.paths[:count],
-            queue=job.queue[:count],
-            actions=job.actions[:count],
-            seen=np.concatenate([seen[key][chosen].ravel() for key in self._sizes]),
-            reports=job.reports[:count],
-        )
+        old, observations = self._buffers, self.observations
+        self.active = self.active[chosen]
+        new = make_buffers(self._settings, len(self.active), old.fields, DISABLED)
+        new.flights[:] = old.flights[chosen]
+        for key, values in entries_of(new.observations, self._sizes, len(self.active)).items():
+            values[:] = observations[key][chosen]
+        self._buffers = new

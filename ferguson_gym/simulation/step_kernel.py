@@ -1,16 +1,15 @@
-"""The batched core: flights of many vehicles, each through its own field, compiled.
+"""One step of many vehicles, each through its own field, as compiled code.
 
-The scalar environment is its batch of one, the vector environment drives it as a whole.
+The scalar environment is a batch of one; the vector environment steps N vehicles at once.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ferguson_gym.curves.certified_kernels import Scratch, borrowed_scratch, make_scratch
+from ferguson_gym.curves.certified_kernels import Scratch, make_scratch
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, Counters, add, get, put
 from ferguson_gym.runtime.jit import (
@@ -20,109 +19,42 @@ from ferguson_gym.runtime.jit import (
     prefetch,
     unowned,
 )
-from ferguson_gym.simulation.field_store import FieldArrays
-from ferguson_gym.simulation.observations import Layout, Single, write_observation
-from ferguson_gym.simulation.reward import Prices, gain
+from ferguson_gym.simulation.observations import FlatObservation, write_observation
+from ferguson_gym.simulation.reward import segment_reward
+from ferguson_gym.simulation.step_buffers import (
+    NEXT_STEP,
+    SAME_STEP,
+    Flags,
+    Integers,
+    PlainTuple,
+    Records,
+    StepBuffers,
+    as_buffers,
+)
 from ferguson_gym.world.actions import Action, decode_into
 from ferguson_gym.world.feasibility import FLYING, first_failure
-from ferguson_gym.world.limits import LimitValues
 from ferguson_gym.world.outcome import Outcome
-
-Flags = NDArray[np.bool_]
-Integers = NDArray[np.int64]
-Records = NDArray[np.void]
 
 GOAL_REACHED, OUT_OF_SEGMENTS = Outcome.GOAL_REACHED.code, Outcome.OUT_OF_SEGMENTS.code
 
-DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
-"""What happens when a flight ends: nothing; reset in place of the next step; reset at once."""
-
 CHUNK = 8
-"""Vehicles that one thread takes at a time."""
+"""Vehicles that a thread claims at a time."""
 FROM_FRONT, FROM_BACK = 1, 2**32
-"""What a thread adds to the counter of claimed chunks: two threads come from two sides, so that
-each has mostly the vehicles that it had in the last step, and what they need near at hand."""
-LINE = 64
-"""Bytes of memory that come at once."""
-
-
-INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
-"""Keys of `info`."""
-
-FLIGHT = np.dtype(
-    [
-        ("slot", np.int64),
-        ("position", np.float64, 2),
-        ("derivative", np.float64, 2),
-        ("segments", np.int64),
-        ("outcome", np.int64),
-        ("path_length", np.float64),
-        ("clearance", np.float64),
-        ("next", np.int64),
-    ]
-)
-"""A vehicle: the slot of its field, position [m], derivative [m per unit t], segments flown,
-code of the outcome, length flown and least clearance so far [m], and which of its queue of
-later fields comes next."""
-
-REPORT = np.dtype(
-    [
-        ("reward", np.float64),
-        ("terminated", np.bool_),
-        ("truncated", np.bool_),
-        ("is_success", np.bool_),
-        ("outcome", np.int64),
-        ("path_length", np.float64),
-        ("clearance", np.float64),
-        ("segments", np.int64),
-    ]
-)
-"""What a step returns beside the observation; the last five are infos."""
-
-
-class StepBuffers(NamedTuple):
-    """Everything that a step of N vehicles needs, and where its results go.
-
-    Records and few arrays: the compiler's time grows with their number.
-    """
-
-    flights: Records
-    """(N,) of FLIGHT; changed by each step."""
-    paths: Array
-    """(N, segments + 1, 4, 2) segments flown, then the last one asked for."""
-    queue: Integers
-    """(N, B) slots of the fields that later resets will fly."""
-    world: FieldArrays
-    actions: Action
-    """(N, 4) in [-1, 1]."""
-    limits: LimitValues
-    prices: Prices
-    layout: Layout
-    mode: int
-    """DISABLED, NEXT_STEP or SAME_STEP."""
-    seen: Single
-    """(N n,) observations after the step, or after the reset that it became; entry after entry."""
-    reports: Records
-    """(N,) of REPORT; infos, too, are of after a reset."""
-    last_seen: Single
-    """SAME_STEP: what was seen last, for flights that ended."""
-    last_reports: Records
-    """SAME_STEP: infos of flights that ended."""
-
-
-Bare: TypeAlias = tuple[Any, ...]
-"""A job, as `bare` makes it."""
+"""What a thread adds to the counter of claimed chunks. Two threads claim from the two ends, so
+that each steps mostly the vehicles that it stepped last, whose data are in its cache."""
+CACHE_LINE = 64
+"""Bytes that the processor loads at once."""
 
 
 @compiled_in_place
-def _begin(job: StepBuffers, i: int) -> None:
-    flight, world = job.flights[i], job.world
-    place = world.places[flight.slot]
+def _reset_vehicle(buffers: StepBuffers, i: int) -> None:
+    flight, fields = buffers.flights[i], buffers.fields
+    field = fields.records[flight.slot]
     flight.segments, flight.outcome, flight.path_length = 0, FLYING, 0.0
-    flight.clearance = place.clearance
+    flight.clearance = field.clearance
     for d in range(2):
-        flight.position[d] = place.start[d]
-        flight.derivative[d] = place.departure[d]
+        flight.position[d] = field.start[d]
+        flight.derivative[d] = field.start_derivative[d]
 
 
 @compiled
@@ -132,19 +64,19 @@ def _distance(position: Array, goal: Array) -> float:
 
 
 @compiled_in_place
-def _fly(job: StepBuffers, i: int, scratch: Scratch) -> float:
+def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
     """Fly one action; returns the reward."""
-    flight, world, limits = job.flights[i], job.world, job.limits
+    flight, fields, limits = buffers.flights[i], buffers.fields, buffers.limits
     slot = flight.slot
-    place = world.places[slot]
-    goal, position = place.goal, flight.position
-    control = job.paths[i, flight.segments]
-    decode_into(control, job.actions[i], position, flight.derivative, goal, limits.gate)
+    field = fields.records[slot]
+    goal, position = field.goal, flight.position
+    control = buffers.paths[i, flight.segments]
+    decode_into(control, buffers.actions[i], position, flight.derivative, goal, limits.gate)
     outcome, length, clearance = first_failure(
         control,
-        place.bounds,
-        world.discs[slot, :2],
-        world.discs[slot, 2],
+        field.bounds,
+        fields.discs[slot, :2],
+        fields.discs[slot, 2],
         limits,
         flight.clearance,
         scratch,
@@ -157,37 +89,44 @@ def _fly(job: StepBuffers, i: int, scratch: Scratch) -> float:
         flight.segments += 1
         flight.path_length += length
         flight.clearance = clearance
-        reward = gain(before, _distance(position, goal), length, place.distance, job.prices)
+        reward = segment_reward(
+            before, _distance(position, goal), length, field.distance, buffers.penalties
+        )
         if control[1, 0] == goal[0] and control[1, 1] == goal[1]:
             outcome = GOAL_REACHED
         elif flight.segments >= limits.segments:
             outcome = OUT_OF_SEGMENTS
     flight.outcome = outcome
     if outcome not in (FLYING, GOAL_REACHED):
-        reward -= job.prices.failure
+        reward -= buffers.penalties.failure
     return reward
 
 
 @compiled_in_place
 def _observe(
-    job: StepBuffers, i: int, seen: Single, report: Any, work: Array, found: Integers
+    buffers: StepBuffers,
+    i: int,
+    observations: FlatObservation,
+    report: Any,
+    work: Array,
+    found: Integers,
 ) -> None:
-    """Write what a vehicle sees, and its infos."""
-    flight, world = job.flights[i], job.world
+    """Write a vehicle's observation and its infos."""
+    flight, fields = buffers.flights[i], buffers.fields
     slot = flight.slot
-    place = world.places[slot]
+    field = fields.records[slot]
     write_observation(
-        seen,
+        observations,
         i,
-        len(job.flights),
-        job.layout,
+        len(buffers.flights),
+        buffers.layout,
         flight.position,
         flight.derivative,
-        1.0 - flight.segments / job.limits.segments,
-        place.goal,
-        place.bounds,
-        world.discs[slot, :2],
-        world.discs[slot, 2],
+        1.0 - flight.segments / buffers.limits.segments,
+        field.goal,
+        field.bounds,
+        fields.discs[slot, :2],
+        fields.discs[slot, 2],
         work,
         found,
     )
@@ -199,118 +138,71 @@ def _observe(
 
 
 @compiled_in_place
-def _advance(job: StepBuffers, i: int, scratch: Scratch) -> None:
-    flight, report = job.flights[i], job.reports[i]
+def _step_vehicle(buffers: StepBuffers, i: int, scratch: Scratch) -> None:
+    """Fly a vehicle's action or reset it, as the autoreset mode says, and report."""
+    flight, report = buffers.flights[i], buffers.reports[i]
     report.reward = 0.0
     report.terminated = False
     report.truncated = False
-    begins = job.mode == NEXT_STEP and flight.outcome != FLYING
+    starts = buffers.mode == NEXT_STEP and flight.outcome != FLYING
     again = False
-    if not begins:
-        report.reward = _fly(job, i, scratch)
+    if not starts:
+        report.reward = _fly_action(buffers, i, scratch)
         if flight.outcome != FLYING:
             report.truncated = flight.outcome == OUT_OF_SEGMENTS
             report.terminated = flight.outcome != OUT_OF_SEGMENTS
-            again = job.mode == SAME_STEP
-    seen, infos = (job.last_seen, job.last_reports[i]) if again else (job.seen, report)
-    while True:  # in place, so that what is long is compiled once
-        if begins:
-            flight.slot = job.queue[i, flight.next]
+            again = buffers.mode == SAME_STEP
+    observations, infos = buffers.observations, report
+    if again:
+        observations, infos = buffers.final_observations, buffers.final_reports[i]
+    while True:  # a loop, since two calls of `_observe` would be compiled in place twice
+        if starts:
+            flight.slot = buffers.queue[i, flight.next]
             flight.next += 1
-            _begin(job, i)
-        _observe(job, i, seen, infos, scratch.work, scratch.found)
+            _reset_vehicle(buffers, i)
+        _observe(buffers, i, observations, infos, scratch.work, scratch.found)
         if not again:
             break
-        begins, again = True, False
-        seen, infos = job.seen, report
+        starts, again = True, False
+        observations, infos = buffers.observations, report
 
 
 @compiled_in_place
-def _fetch(job: StepBuffers, i: int) -> None:
-    """Have brought near what a vehicle's step will read: its field, or the next one."""
-    flight, world = job.flights[i], job.world
+def _prefetch_vehicle(buffers: StepBuffers, i: int) -> None:
+    """Prefetch what a vehicle's step will read: its path and its field, or its next field."""
+    flight, fields = buffers.flights[i], buffers.fields
     slot = flight.slot
-    if job.mode == NEXT_STEP and flight.outcome != FLYING:
-        slot = job.queue[i, flight.next]
-    discs = world.discs[slot]
-    for byte in range(0, discs.size * discs.itemsize, LINE):
+    if buffers.mode == NEXT_STEP and flight.outcome != FLYING:
+        slot = buffers.queue[i, flight.next]
+    discs = fields.discs[slot]
+    for byte in range(0, discs.size * discs.itemsize, CACHE_LINE):
         prefetch(discs, byte)
-    place = world.places[slot : slot + 1]
-    prefetch(place, 0)
-    prefetch(place, LINE)
-    prefetch(job.paths[i, flight.segments], 0)
-
-
-def as_plain_tuple(job: Any) -> Bare:
-    """A job as tuples without names: compiled code is called with them in a third of the time."""
-    return tuple(as_plain_tuple(part) if isinstance(part, tuple) else part for part in job)
-
-
-@compiled
-def _job(given: Bare) -> StepBuffers:
-    return StepBuffers(
-        given[0],
-        given[1],
-        given[2],
-        FieldArrays(*given[3]),
-        given[4],
-        LimitValues(*given[5]),
-        Prices(*given[6]),
-        Layout(*given[7]),
-        given[8],
-        given[9],
-        given[10],
-        given[11],
-        given[12],
-    )
-
-
-@compiled
-def _unowned(given: Bare) -> StepBuffers:
-    job = _job(given)
-    world = job.world
-    return StepBuffers(
-        unowned(job.flights),
-        unowned(job.paths),
-        unowned(job.queue),
-        FieldArrays(unowned(world.places), unowned(world.discs)),
-        unowned(job.actions),
-        job.limits,
-        job.prices,
-        Layout(
-            job.layout.nearest,
-            unowned(job.layout.ways),
-            job.layout.focus,
-            job.layout.sight,
-        ),
-        job.mode,
-        unowned(job.seen),
-        unowned(job.reports),
-        unowned(job.last_seen),
-        unowned(job.last_reports),
-    )
+    field = fields.records[slot : slot + 1]
+    prefetch(field, 0)
+    prefetch(field, CACHE_LINE)
+    prefetch(buffers.paths[i, flight.segments], 0)
 
 
 @compiled
 def _claimed(counter: int) -> int:
-    """Chunks that were claimed, from the front and from the back."""
+    """Number of chunks claimed, from the front and from the back."""
     return counter % FROM_BACK + counter // FROM_BACK
 
 
 @compiled_without_lock
-def help_out(given: Bare, counters: Counters, claim: int, patience: int) -> None:
-    """Step vehicles as long as any are left; return after so many looks in vain.
+def help_out(given: PlainTuple, counters: Counters, claim: int, patience: int) -> None:
+    """Step vehicles as long as any are left; return when the counter was polled idly for a while.
 
     Args:
-        given: job of all vehicles.
-        counters: of its chunks.
+        given: buffers of all vehicles.
+        counters: of chunks claimed and done.
         claim: FROM_FRONT or FROM_BACK.
-        patience: looks.
+        patience: how often the counter may be polled in a row without a chunk to claim.
     """
-    lent = _unowned(given)
-    owned = make_scratch((0, 1), lent.world.discs.shape[2])
-    scratch = borrowed_scratch(owned)
-    number = len(lent.actions)
+    buffers = unowned(as_buffers(given))  # the caller holds them
+    owned = make_scratch((0, 1), buffers.fields.discs.shape[2])
+    scratch = unowned(owned)
+    number = len(buffers.actions)
     chunks = (number + CHUNK - 1) // CHUNK
     idle = 0
     while idle <= patience:
@@ -323,39 +215,39 @@ def help_out(given: Bare, counters: Counters, claim: int, patience: int) -> None
                 last = min((chunk + 1) * CHUNK, number)
                 for i in range(chunk * CHUNK, last):
                     if i + 1 < last:
-                        _fetch(lent, i + 1)
-                    _advance(lent, i, scratch)
+                        _prefetch_vehicle(buffers, i + 1)
+                    _step_vehicle(buffers, i, scratch)
                 add(counters, DONE, 1)
                 idle = 0
-    owned.work[0, 0] = 0.0  # a last use: memory that was lent must live until here
+    owned.work[0, 0] = 0.0  # a last use, which keeps the memory of `scratch` alive until here
 
 
 @compiled_without_lock
-def advance(given: Bare, counters: Counters) -> None:
-    """Step every vehicle, with the help of whoever calls `help_out` meanwhile."""
+def advance(given: PlainTuple, counters: Counters) -> None:
+    """Step every vehicle; other threads may call `help_out` meanwhile."""
     put(counters, DONE, 0)
     put(counters, CLAIMED, 0)
     help_out(given, counters, FROM_FRONT, 0)
-    chunks = (len(_job(given).actions) + CHUNK - 1) // CHUNK
+    chunks = (len(as_buffers(given).actions) + CHUNK - 1) // CHUNK
     while get(counters, DONE) < chunks:
         pass
 
 
 @compiled
-def begin(given: Bare, chosen: Flags) -> None:
-    """Start the chosen flights (N,) in their slots, and look and report for all."""
-    job = _job(given)
-    discs = job.world.discs.shape[2]
+def reset(given: PlainTuple, chosen: Flags) -> None:
+    """Reset the chosen vehicles (N,) in their slots; write observations and infos of all."""
+    buffers = as_buffers(given)
+    discs = buffers.fields.discs.shape[2]
     work, found = np.empty((2, discs)), np.empty(discs, np.int64)
     for i in range(len(chosen)):
         if chosen[i]:
-            _begin(job, i)
-        _observe(job, i, job.seen, job.reports[i], work, found)
+            _reset_vehicle(buffers, i)
+        _observe(buffers, i, buffers.observations, buffers.reports[i], work, found)
 
 
 @compiled
 def used_up(flights: Records, length: int) -> int:
-    """Number of vehicles that have no later field left in their queue of this length."""
+    """Number of vehicles that have no field left in their queue of this length."""
     number = 0
     for i in range(len(flights)):
         number += flights[i].next >= length
@@ -363,8 +255,8 @@ def used_up(flights: Records, length: int) -> int:
 
 
 @compiled
-def first_bad(actions: Action) -> int:
-    """The first row with an entry that is not in [-1, 1]; -1 if all are."""
+def first_invalid(actions: Action) -> int:
+    """The first row with an entry that is not in [-1, 1]; -1 if there is no such row."""
     for i in range(len(actions)):
         for d in range(actions.shape[1]):
             if not abs(actions[i, d]) <= 1.0:

@@ -1,6 +1,6 @@
 """The one encoding of segments as actions, shared by environment, optimiser and agents.
 
-An action (4,) in [-1, 1] names the end point and end derivative of a planar segment, in the
+An action (4,) in [-1, 1] encodes the end point and end derivative of a planar segment, in the
 frame that is turned with the vehicle (first axis forward, second to the left):
 
 - end point: `REACH` times the Möbius translation (q + z) / (1 + q z) of z = a[0] + i a[1].
@@ -30,7 +30,7 @@ from ferguson_gym.runtime.jit import compiled
 Action: TypeAlias = NDArray[np.float32]
 
 REACH = 15.001
-"""Distance of the farthest end point [m]: the longest segment, the tolerance, and some."""
+"""Distance of the farthest end point [m]: the longest segment plus a little over the tolerance."""
 STEEPEST = 66.0
 """Largest coordinate of an end derivative [m per unit t]."""
 AHEAD = 9.0
@@ -40,7 +40,7 @@ _FINENESS = 4.0
 _SPREAD = STEEPEST / np.sinh(_FINENESS)
 _OFFSET = float(np.arcsinh(AHEAD / _SPREAD) / _FINENESS)
 _TINY = 1e-140
-"""Below it derivatives are scaled before they are squared [m per unit t]."""
+"""Length [m per unit t] below which a derivative is scaled before it is squared."""
 
 BEND = 2.0 * REACH / AHEAD
 """Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
@@ -48,9 +48,9 @@ BEND = 2.0 * REACH / AHEAD
 
 @compiled
 def heading(along: float, across: float) -> complex:
-    """A derivative's direction as a complex number of size 1; of zero, the first axis."""
+    """Direction of a derivative as a complex number of size 1; the first axis for zero."""
     size = np.sqrt(along * along + across * across)
-    if size < _TINY:  # the squares have few digits, or none
+    if size < _TINY:  # the squares would underflow
         scale = max(abs(along), abs(across))
         if scale == 0.0:
             return 1.0 + 0.0j
@@ -61,13 +61,13 @@ def heading(along: float, across: float) -> complex:
 
 @compiled
 def share_of_steepest(slope: float) -> float:
-    """A derivative's coordinate [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
+    """Coordinate of a derivative [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
     return float(np.arcsinh(slope / _SPREAD) / _FINENESS)
 
 
 @compiled
 def end_point(ahead: float, left: float) -> complex:
-    """End point that two entries mean, in the vehicle's frame, part of `REACH`."""
+    """End point for two entries of an action, in the vehicle's frame, in units of `REACH`."""
     below = complex(1.0 + _SHARE * ahead, -_SHARE * left)
     square = below.real * below.real + below.imag * below.imag
     above = complex(_SHARE + ahead, left) * below
@@ -116,7 +116,7 @@ def check_action(action: ArrayLike, where: str = "") -> Array:
 
 
 def check_actions(actions: ArrayLike, number: int) -> Array:
-    """Return so many actions (number, 4) in double precision.
+    """Return actions (number, 4) in double precision.
 
     Raises:
         ValueError: another shape, not finite, or outside [-1, 1].
@@ -141,14 +141,14 @@ def _unshifted(value: Any, share: float) -> Any:
 def decode(
     action: ArrayLike, position: Array, derivative: Array, goal: Array, gate: float
 ) -> Array:
-    """The segment (4, 2) that an action means for a vehicle's position and derivative.
+    """The segment (4, 2) that an action encodes, for a vehicle's position and derivative.
 
     An end point within the gate of the goal is moved onto the goal.
 
     Args:
         action: (4,) in [-1, 1].
-        position: (2,) where the vehicle is [m].
-        derivative: (2,) its derivative [m per unit t].
+        position: (2,) of the vehicle [m].
+        derivative: (2,) of the vehicle [m per unit t].
         goal: (2,) [m].
         gate: [m].
 
@@ -168,15 +168,15 @@ def decode(
 
 
 def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
-    """The action that makes a vehicle fly to a segment's end: the inverse of `decode`.
+    """The action by which a vehicle flies to a segment's end: the inverse of `decode`.
 
     Only the end rows of the segment are used; start and heading are the vehicle's own, so
     errors of earlier steps do not add up.
 
     Args:
         segment: (4, 2) control array.
-        position: (2,) where the vehicle is [m].
-        derivative: (2,) its derivative [m per unit t].
+        position: (2,) of the vehicle [m].
+        derivative: (2,) of the vehicle [m per unit t].
 
     Returns:
         (4,) float32. `decode` gives the end back to a rounding of float32: 4e-6 m, and
@@ -198,7 +198,7 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
     offset = control[1] - finite("position", position, (2,))
     step = complex(offset[0], offset[1]) * turn / REACH
     slope = complex(control[3, 0], control[3, 1]) * turn / _SPREAD
-    # the inverse maps have their poles beyond all that an action reaches
+    # poles of the inverse maps lie outside the reachable set
     if inside := abs(step) < 1.0 / _SHARE:
         there = _unshifted(step, _SHARE)
         point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)

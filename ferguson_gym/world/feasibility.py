@@ -1,4 +1,4 @@
-"""Whether a segment may be flown: the one test that environment, planners and evaluation use."""
+"""Feasibility of segments: the one test that environment, planners and evaluation use."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from ferguson_gym.curves.arc_length import length, segment_length
 from ferguson_gym.curves.certified_kernels import (
     Scratch,
-    rooms,
+    bounds_margins,
+    segment_bounds_margin,
     segment_clearance,
-    segment_room,
     segment_speed,
 )
 from ferguson_gym.curves.clearance import least_speed
@@ -26,36 +26,36 @@ from ferguson_gym.world.outcome import Outcome
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inspection:
-    """What certification found along whole segments; every array has their batch shape."""
+    """Certified properties of whole segments; every array has their batch shape."""
 
     length: Array
     """Arc length [m]."""
     clearance: Array
     """Least clearance from all obstacles [m]; infinite without obstacles."""
-    room: Array
+    bounds_margin: Array
     """Least distance inside the field's bounds [m]; negative outside."""
     speed: Array
     """Least |X'(t)| [m per unit t]."""
 
     def slack(self, limits: Limits) -> Array:
-        """By how much each test is passed [m]: (*batch, 5), feasible where >= -tolerance.
+        """Slack of each test [m]: (*batch, 5), feasible where all are >= -tolerance.
 
-        In the order in which a failure is named: regular, long enough, short enough,
-        inside the bounds, clear of obstacles.
+        Tests come in the order in which the first failure is reported: regular, long enough,
+        short enough, inside the bounds, clear of obstacles.
         """
         return np.stack(
             [
                 self.speed - limits.slowest,
                 self.length - limits.shortest,
                 limits.longest - self.length,
-                self.room,
+                self.bounds_margin,
                 self.clearance,
             ],
             axis=-1,
         )
 
     def outcome(self, limits: Limits = PAPER_LIMITS) -> Outcome:
-        """FLYING if the (single) segment is feasible, else why it is not."""
+        """FLYING if the (single) segment is feasible, otherwise its first failure."""
         failed = np.flatnonzero(~(self.slack(limits) >= -limits.tolerance))
         return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
 
@@ -89,10 +89,10 @@ def first_failure(
     columns: Array,
     radii: Array,
     limits: LimitValues,
-    below: float,
+    cutoff: float,
     scratch: Scratch,
 ) -> tuple[int, float, float]:
-    """Whether one segment among discs may be flown, as `Inspection.outcome` decides it.
+    """Feasibility of one segment among discs, as `Inspection.outcome` decides it.
 
     Args:
         control: (4, D) segment.
@@ -100,15 +100,15 @@ def first_failure(
         columns: (D, n) centres of the discs.
         radii: (n,).
         limits: of the flight.
-        below: a clearance that is not below this need not be found.
+        cutoff: clearances that are not below it are not searched for.
         scratch: memory, for n discs or more.
 
     Returns:
-        The code of FLYING or of the first failure; length; clearance or `below` if that is
-        less. Length and clearance are those of a segment that may be flown, else zero.
+        The code of FLYING or of the first failure; length [m]; clearance [m], or `cutoff` if
+        that is less. Length and clearance are zero for a segment that is not feasible.
     """
     slack = limits.tolerance
-    # NaN fails every test
+    # `not ... >=`, so that NaN fails every test
     if not segment_speed(control, limits.slowest, scratch)[0] - limits.slowest >= -slack:
         return NOT_REGULAR, 0.0, 0.0
     length = segment_length(control, scratch.pieces, scratch.widths, scratch.speed2, scratch.axes)
@@ -116,9 +116,9 @@ def first_failure(
         return TOO_SHORT, 0.0, 0.0
     if not limits.longest - length >= -slack:
         return TOO_LONG, 0.0, 0.0
-    if not segment_room(control, bounds, -slack) >= -slack:
+    if not segment_bounds_margin(control, bounds, -slack) >= -slack:
         return LEFT_BOUNDS, 0.0, 0.0
-    clearance = segment_clearance(control, columns, radii, below, scratch)
+    clearance = segment_clearance(control, columns, radii, cutoff, scratch)
     if not clearance >= -slack:
         return COLLISION, 0.0, 0.0
     return FLYING, length, clearance
@@ -147,7 +147,7 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
     return Inspection(
         length=length(control),
         clearance=field.obstacles.clearance(control),
-        room=rooms(flat, field.bounds).reshape(control.shape[:-2]),
+        bounds_margin=bounds_margins(flat, field.bounds).reshape(control.shape[:-2]),
         speed=speed,
     )
 
@@ -163,8 +163,8 @@ def is_feasible(
     Args:
         control: (*batch, 4, D) segments.
         field: where they are flown.
-        limits: what a segment may be.
-        tolerance: instead of the limits' own [m]; planners aim for less.
+        limits: of a segment.
+        tolerance: replaces that of the limits [m]; planners aim for less.
 
     Example:
         >>> from ferguson_gym.world.field_names import get_field

@@ -30,7 +30,7 @@ _OPTIONAL = ("start", "goal", "bounds", "start_derivative")
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Field:
-    """What a flight goes through. It does not change.
+    """Obstacles, start, goal and bounds of a flight; immutable.
 
     Raises:
         ValueError: shapes that do not match, NaN or infinity, start or goal inside an
@@ -39,7 +39,7 @@ class Field:
     """
 
     name: str
-    """How files and people call it, for example `paper:1`."""
+    """Name in files and reports, for example `paper:1`."""
     obstacles: Obstacles
     start: Array = dataclasses.field(default_factory=lambda: np.array(START))
     """(D,) [m]."""
@@ -129,7 +129,7 @@ def from_json(path: str | os.PathLike[str]) -> Field:
         if missing := [key for key in _REQUIRED if key not in data]:
             raise ValueError(f"a field needs {' and '.join(missing)}")
         options = {key: data[key] for key in _OPTIONAL if data.get(key) is not None}
-        # without discs, the start says in how many dimensions there are none
+        # without discs, the dimension is that of the start
         none = np.empty((0, np.size(options.get("start", START))))
         centers = none if data["centers"] == [] else data["centers"]
         field = Field(name=path.stem, obstacles=Discs(centers, data["radii"]), **options)
@@ -163,7 +163,7 @@ def to_json(field: Field, path: str | os.PathLike[str]) -> None:
 
 
 def planar_discs(field: Field) -> Discs:
-    """The obstacles of a field, which environments show and step through.
+    """The obstacles of a field, if they are discs in the plane, as environments need.
 
     Raises:
         TypeError: obstacles other than discs.

@@ -20,7 +20,7 @@ GRAMMAR = (
     f"suites {', '.join(SUITES)}; splits {', '.join(SPLITS)}), "
     "or by the path of a JSON file or of a directory of such files"
 )
-"""How fields are named, in one sentence for help and errors."""
+"""The grammar of field names in one sentence, for help texts and errors."""
 _PATH = 300
 """Characters of a path that an error shows."""
 
@@ -28,8 +28,8 @@ _PATH = 300
 def get_fields(spec: str) -> Iterator[Field]:
     """The fields that a specification names, one at a time.
 
-    Bad specifications raise here, before the first field is drawn; files are read as they
-    come.
+    Invalid specifications raise at once, before the first field is drawn; files are read one by
+    one as the iterator advances.
 
     Raises:
         ValueError: an unknown suite, split, file or an empty range.
@@ -72,14 +72,14 @@ def get_fields(spec: str) -> Iterator[Field]:
 
 
 def _in(directory: Path) -> list[Path]:
-    """Its JSON files; hidden ones are others' business, half-written ones among them."""
+    """The JSON files of a directory; hidden files, such as half-written ones, are skipped."""
     return sorted(path for path in directory.glob("*.json") if not path.name.startswith("."))
 
 
 def family(spec: str) -> tuple[str, range]:
-    """What a specification of drawn fields names: `FAMILY:n` for each n of a range.
+    """Family and range of a specification of drawn fields: `FAMILY:n` for each n of the range.
 
-    Such names mean the same fields everywhere and always; files may change.
+    Such names stand for the same fields at all times; files may change.
 
     Raises:
         ValueError: as `get_fields`, or it names files.

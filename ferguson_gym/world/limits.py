@@ -1,4 +1,4 @@
-"""What a segment and a flight may be, and the one tolerance every test allows."""
+"""Limits of segments and flights, and the one tolerance that every test allows."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class LimitValues(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """What one segment may be, and how many make a flight.
+    """Bounds on a single segment, and on the number of segments of a flight.
 
     Raises:
         ValueError: limits that contradict each other.
@@ -32,17 +32,17 @@ class Limits:
     """
 
     shortest: float = 3.0
-    """Least arc length [m]; helps a path out of a concave pocket."""
+    """Minimum arc length [m]. Forces progress out of concave pockets."""
     longest: float = 15.0
-    """Greatest arc length [m]; a third of the look-ahead."""
+    """Maximum arc length [m]; a third of the planning horizon."""
     slowest: float = 0.1
-    """Least |X'(t)| [m per unit t]: no corner in disguise."""
+    """Minimum |X'(t)| [m per unit t]. Excludes corners, where the derivative vanishes."""
     gate: float = 1.0
-    """A segment that ends within this distance [m] of the goal ends on the goal."""
+    """Segments that end within this distance [m] of the goal are moved to end on it."""
     tolerance: float = 1e-5
-    """What every test allows [m]; covers actions stored as float32."""
+    """Violation that every test allows [m]; covers the rounding of actions to float32."""
     segments: int = 40
-    """Segments after which a flight is over."""
+    """Maximum number of segments of a flight."""
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -63,7 +63,7 @@ class Limits:
             raise ValueError(f"a flight needs at least 1 segment, got {self.segments}")
 
     def numbers(self) -> LimitValues:
-        """The limits as kernels take them."""
+        """The limits as a named tuple, for compiled functions."""
         return LimitValues(
             float(self.shortest),
             float(self.longest),

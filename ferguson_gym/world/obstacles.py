@@ -1,4 +1,4 @@
-"""Obstacles as signed distance and its gradient, and discs, the obstacles of the paper."""
+"""Obstacles by their signed distance, and discs, the obstacles of the paper."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from ferguson_gym.runtime.jit import compiled
 
 
 class Obstacles(Protocol):
-    """What planners and the environment may ask of obstacles, whatever their shape."""
+    """Interface of obstacles of any shape, for planners and the environment."""
 
     @property
     def dimension(self) -> int:
-        """D of the space they stand in."""
+        """Dimension D of the space."""
 
     def __len__(self) -> int: ...
 
@@ -35,10 +35,10 @@ class Obstacles(Protocol):
         """The obstacles with a signed distance of at most `reach` [m] from a point."""
 
     def only(self, keep: NDArray[np.bool_]) -> Obstacles:
-        """Those that a mask (n,) keeps."""
+        """The obstacles that a mask (n,) selects."""
 
     def grown(self, by: Array) -> Obstacles:
-        """Each with its surface moved outwards by a distance (n,) [m], 0 or more."""
+        """The obstacles with surfaces moved outwards by distances (n,) [m], 0 or more."""
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
@@ -95,7 +95,7 @@ class Discs:
 
     @property
     def dimension(self) -> int:
-        """D of the space they stand in."""
+        """Dimension D of the space."""
         return int(self.centers.shape[1])
 
     def __len__(self) -> int:
@@ -104,7 +104,7 @@ class Discs:
     def signed_distance(self, points: GenericArray) -> GenericArray:
         """Distance of points (*batch, D) to each disc: (*batch, n) [m], negative inside.
 
-        Complex points are differentiated by complex step: no conjugate is taken.
+        No conjugate is taken, so that complex points can be differentiated by complex step.
         """
         offset = points[..., None, :] - self.centers
         distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
@@ -127,11 +127,11 @@ class Discs:
         return self.only(self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach)
 
     def only(self, keep: NDArray[np.bool_]) -> Discs:
-        """Those that a mask (n,) keeps."""
+        """The obstacles that a mask (n,) selects."""
         return Discs(self.centers[keep], self.radii[keep])
 
     def grown(self, by: Array) -> Discs:
-        """Each with its radius longer by a distance (n,) [m], 0 or more."""
+        """The discs with radii increased by distances (n,) [m], 0 or more."""
         return Discs(self.centers, self.radii + by)
 
     def clearance(self, control: ArrayLike) -> Array:

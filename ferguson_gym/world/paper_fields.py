@@ -1,4 +1,4 @@
-"""The paper's four fields, reconstructed, and what the paper printed of its flights.
+"""The paper's four fields, reconstructed, and the results printed in the paper.
 
 The paper names its fields rng(1) to rng(4) and gives no coordinates. These are rebuilt from
 one stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign`
@@ -28,7 +28,7 @@ def latin_hypercube(stream: np.random.RandomState, points: int) -> Array:
     Its defaults: smoothing on, criterion maximin, 5 designs of which the one with the
     largest least distance between points is kept (the first wins a tie).
     """
-    # MATLAB fills a matrix column by column; a design takes one for its ranks, one for jitter
+    # MATLAB fills matrices by columns; a design takes one matrix for ranks, one for jitter
     return _maximin(stream.random_sample((5, 2, 2, points)))
 
 
@@ -113,7 +113,7 @@ TABLE_I: dict[tuple[str, str], TableRow] = {
 
 
 def is_from_paper(field: Field) -> bool:
-    """Whether a field is the paper's of its name: a file may bear the name and hold another."""
+    """Whether a field is the paper's field of that name; a file of the name may hold another."""
     family, _, number = field.name.partition(":")
     known = family == "paper" and number in map(str, FIELDS)
     if not known or not isinstance(field.obstacles, Discs):

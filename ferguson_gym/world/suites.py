@@ -18,7 +18,7 @@ from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
 
 SPLITS = ("train", "validation", "test")
-"""Tune on train, choose on validation, open test once."""
+"""Tune on train, select on validation, evaluate on test once."""
 LAST_SEED = 2**63 - 1
 
 
@@ -31,7 +31,7 @@ class Recipe(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Scattered:
-    """The paper's recipe, Latin hypercubes of discs, with numbers of its own.
+    """The paper's recipe, Latin hypercubes of discs, with other numbers and radii.
 
     Raises:
         ValueError: radii that are not 0 < smallest <= largest <= 7 m
@@ -145,7 +145,7 @@ def with_overrides(
         ValueError: a suite that is not scattered discs, or numbers that make no recipe.
 
     Example:
-        >>> altered("standard", obstacles=11).designs
+        >>> with_overrides("standard", obstacles=11).designs
         (5, 6)
     """
     recipe = SUITES[suite]

@@ -19,24 +19,24 @@ from ferguson_gym.world.outcome import Outcome
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """Where the vehicle is. Kept apart from an action's end: a disturbance can come between."""
+    """State of a vehicle; not always the end of its last segment, since disturbances may act."""
 
     position: Array
     """(2,) [m]."""
     derivative: Array
-    """(2,) [m per unit t]; the next segment leaves with it."""
+    """(2,) [m per unit t], the start derivative of the next segment."""
     segments: int = 0
     """Segments flown so far."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Step:
-    """What one action did."""
+    """Result of one action."""
 
     control: Array
-    """The segment (4, 2) that the action meant."""
+    """The segment (4, 2) that the action encodes."""
     inspection: Inspection
-    """What certification found along it."""
+    """Its certified properties."""
     state: State
     """The state after it; the state before it if the segment is not feasible."""
     outcome: Outcome
@@ -44,7 +44,7 @@ class Step:
 
     @property
     def flown(self) -> bool:
-        """Whether the segment was feasible; a segment that is not is refused."""
+        """Whether the segment was feasible and therefore flown; other segments are refused."""
         return self.outcome in FLOWN
 
 
@@ -53,7 +53,7 @@ FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
 
 
 class Follow(Protocol):
-    """How a vehicle flies a segment that was planned."""
+    """How a vehicle flies a planned segment."""
 
     def __call__(self, field: Field, state: State, segment: ArrayLike, limits: Limits) -> Step:
         """Fly to the end of a segment (4, 2) from a state; refuse it if it is not feasible."""
@@ -92,13 +92,13 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
 def advance_all(
     field: Field, states: Sequence[State], actions: ArrayLike, limits: Limits = PAPER_LIMITS
 ) -> list[Step]:
-    """As `advance`, from n states in one field at once, which takes less time.
+    """As `advance`, from n states in one field at once, which is faster.
 
     Args:
-        field: that all of them fly.
-        states: n.
+        field: in which all of them fly.
+        states: n states.
         actions: (n, 4) in [-1, 1].
-        limits: of their segments.
+        limits: of segments and flights.
 
     Raises:
         ValueError: actions of another shape, not finite or outside [-1, 1].
@@ -108,16 +108,16 @@ def advance_all(
     for one, action, state in zip(control, given, states, strict=True):
         decode_into(one, action, state.position, state.derivative, field.goal, limits.gate)
     found = inspect(control, field)
-    columns = (found.length, found.clearance, found.room, found.speed)
+    columns = (found.length, found.clearance, found.bounds_margin, found.speed)
     return [
         _step(
             field,
             state,
             one,
-            Inspection(length=length, clearance=clearance, room=room, speed=speed),
+            Inspection(length=length, clearance=clearance, bounds_margin=margin, speed=speed),
             limits,
         )
-        for state, one, length, clearance, room, speed in zip(
+        for state, one, length, clearance, margin, speed in zip(
             states, control, *columns, strict=True
         )
     ]
@@ -126,7 +126,7 @@ def advance_all(
 def _step(
     field: Field, state: State, control: Array, inspection: Inspection, limits: Limits
 ) -> Step:
-    """The step that a segment (4, 2) is, after what certification found along it."""
+    """The step along a segment (4, 2) with these certified properties."""
     outcome = inspection.outcome(limits)
     if outcome is Outcome.FLYING:
         state = State(control[1], control[3], state.segments + 1)
@@ -140,10 +140,10 @@ def _step(
 def fly_segment(
     field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
 ) -> Step:
-    """Fly to the end of a segment as an action does it, rounded to float32.
+    """Fly to the end of a segment through its action, which is rounded to float32.
 
-    Planners commit to segments through this function, so that a planned flight and the
-    same flight in the environment are equal bit for bit.
+    Planners commit to segments through this function, so that a planned flight and the same
+    flight in the environment are equal bit for bit.
 
     Raises:
         ValueError: no action expresses the segment.
@@ -155,10 +155,10 @@ def fly_segment(
 def follow_exactly(
     field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
 ) -> Step:
-    """Fly to the end of a segment as it is: what `follow` does, but for rounding to an action.
+    """As `fly_segment`, without the rounding to an action.
 
-    For limits whose segments no action reaches. The environment does not fly them; they are
-    snapped to the goal and certified as all others.
+    For limits that allow segments which no action reaches; the environment cannot fly these. They
+    are snapped to the goal and certified like all others.
     """
     control = finite("segment", segment, (4, 2)).copy()
     control[0], control[2] = state.position, state.derivative

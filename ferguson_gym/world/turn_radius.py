@@ -1,10 +1,10 @@
-"""Whether a segment turns anywhere more sharply than on a circle of some radius, certified.
+"""Certified test of a minimum turn radius along whole segments.
 
-With v the derivative of a planar cubic and c = v x v', its curvature |c| / |v|^3 is at most 1/R
+Let v be the derivative of a planar cubic and c = v x v'. Its curvature |c| / |v|^3 is at most 1/R
 where |v|^6 - R^2 c^2 >= 0, a polynomial of degree 12. Its Bernstein coefficients bound it from
-below, and subdivision tightens the bound. Coefficients are formed anew from v and c of each
-subdivided piece, so that their rounding error shrinks with it, and what rounding may hide counts
-against the segment: a yes is proved for the whole curve.
+below, and subdivision tightens the bound. Coefficients are computed from v and c of each
+subdivided piece, so that their rounding error shrinks with the piece. The bound on that error is
+subtracted, so that a positive answer is proved for the whole curve.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 
 _EPSILON = 2.0**-52
 _DEPTH = 40
-"""Halvings of the parameter after which a piece that is not decided is refused."""
+"""Halvings of the parameter after which an undecided piece fails the test."""
 _PIECES = 4096
-"""Most pieces that are looked at, likewise."""
+"""Number of pieces after which an undecided piece fails the test."""
 _SQUARE = products(2)
 _CHOOSE4 = np.array([1.0, 4.0, 6.0, 4.0, 1.0])
 _CHOOSE8 = np.array([math.comb(8, k) for k in range(9)], np.float64)
@@ -33,7 +33,7 @@ _CHOOSE12 = np.array([math.comb(12, k) for k in range(13)], np.float64)
 
 @compiled
 def _fill(v: Array, c: Array, work: Array) -> float:
-    """Coefficients of |v|^6 - c^2 in work[0, :13]; return what rounding may hide of them.
+    """Coefficients of |v|^6 - c^2 in work[0, :13]; return a bound on their rounding error.
 
     v (3, 2) and c (3,) are Bernstein coefficients, the latter times R.
     """
@@ -97,13 +97,13 @@ def _too_sharp(control: Array, radius: float) -> float:
     c[0, 0] = 2.0 * ratio * (v[0, 0, 0] * v[0, 1, 1] - v[0, 0, 1] * v[0, 1, 0])
     c[0, 1] = ratio * (v[0, 0, 0] * v[0, 2, 1] - v[0, 0, 1] * v[0, 2, 0])
     c[0, 2] = 2.0 * ratio * (v[0, 1, 0] * v[0, 2, 1] - v[0, 1, 1] * v[0, 2, 0])
-    # forming v from coordinates, and halving it; c errs as much, times its slope in v
+    # rounding error of v from coordinates and halving; that of c is its slope in v times as much
     off = 16.0 * _EPSILON * (largest / scale + _DEPTH)
     off_c = 16.0 * ratio * off
     spans[0, 0], spans[0, 1] = 0.0, 1.0
-    top, looked = 0, 0
+    top, examined = 0, 0
     while top >= 0:
-        looked += 1
+        examined += 1
         start, end = spans[top, 0], spans[top, 1]
         noise = _fill(v[top], c[top], work)
         speed = steep = 0.0
@@ -114,7 +114,7 @@ def _too_sharp(control: Array, radius: float) -> float:
         noise += 6.0 * speed**5 * off + (2.0 * steep + off_c) * off_c
         least = np.inf
         for k in range(13):
-            # a coefficient that is no number must not pass
+            # NaN must not pass
             least = min(least, work[0, k]) if work[0, k] == work[0, k] else -np.inf
         if least > noise:
             top -= 1
@@ -124,7 +124,7 @@ def _too_sharp(control: Array, radius: float) -> float:
         if not work[0, 12] > -noise:
             return float(end)
         middle = 0.5 * (start + end)
-        if end - start <= 2.0**-_DEPTH or looked >= _PIECES:
+        if end - start <= 2.0**-_DEPTH or examined >= _PIECES:
             return float(middle)
         _halve(v[top], c[top], v[top + 1], c[top + 1])
         spans[top, 0], spans[top + 1, 0], spans[top + 1, 1] = middle, start, middle
@@ -141,7 +141,7 @@ def _all_too_sharp(control: Array, radius: float) -> Array:
 
 
 def check_turn_radius(radius: float, tolerance: float) -> float:
-    """Return a turn radius [m] that a flight can be asked to keep to a tolerance [m].
+    """Return a minimum turn radius [m] after checking it against a tolerance [m].
 
     Raises:
         ValueError: not finite, or not above the tolerance.
@@ -157,12 +157,12 @@ def check_turn_radius(radius: float, tolerance: float) -> float:
 def too_sharp_at(
     control: ArrayLike, radius: float, tolerance: float = PAPER_LIMITS.tolerance
 ) -> Array:
-    """Where segments turn too sharply: (*batch,) parameter, NaN where they provably do not.
+    """Where segments turn too sharply: (*batch,) a parameter t, NaN if they provably never do.
 
     Args:
         control: (*batch, 4, 2) segments.
-        radius: that of the sharpest turn allowed [m].
-        tolerance: by how much it may be less [m].
+        radius: minimum turn radius [m].
+        tolerance: allowed violation of the radius [m].
 
     Raises:
         ValueError: segments that are not planar or not finite, or no radius to keep.
@@ -178,16 +178,16 @@ def too_sharp_at(
 def keeps_turn_radius(
     control: ArrayLike, radius: float, tolerance: float = PAPER_LIMITS.tolerance
 ) -> NDArray[np.bool_]:
-    """Whether each segment's radius of curvature is at least so great all along: (*batch,).
+    """Whether each segment's radius of curvature is at least `radius` everywhere: (*batch,).
 
-    A yes is proved. The answer may be no where the least radius exceeds `radius - tolerance`
-    by less than some 1e-12 of it, more where the segment nearly stands still. A segment that
-    stands still anywhere keeps no radius.
+    True is proved. The answer may be False although the least radius exceeds `radius - tolerance`,
+    by less than about 1e-12 of it, or by more where the derivative nearly vanishes. A segment
+    whose derivative vanishes anywhere keeps no radius.
 
     Args:
         control: (*batch, 4, 2) segments.
-        radius: [m].
-        tolerance: by how much it may be less [m], as in every test.
+        radius: minimum turn radius [m].
+        tolerance: allowed violation of the radius [m].
 
     Raises:
         ValueError: segments that are not planar or not finite, or no radius to keep.

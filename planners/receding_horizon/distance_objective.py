@@ -8,7 +8,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, depart
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, shortest_departure
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 from ferguson_gym.shortest_paths.tangents import Scene
 
@@ -73,12 +73,12 @@ def _expand(
     length: float, x: float, y: float, scene: Scene, tracks: Tracks, goal: Array, tolerance: float
 ) -> tuple[float, Array, Array]:
     near_x, near_y = x, y
-    way = depart(scene, tracks, goal, x, y, tolerance)
+    way = shortest_departure(scene, tracks, goal, x, y, tolerance)
     for _ in range(_TRIES):
         if way.distance < np.inf:
             break
         near_x, near_y = _into_the_open(scene, near_x, near_y)
-        way = depart(scene, tracks, goal, near_x, near_y, tolerance)
+        way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
     slope, curvature = np.zeros(3), np.zeros((3, 3))
     slope[0] = 1.0
     if way.distance == np.inf:

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ferguson_gym.curves.arc_length import length
-from ferguson_gym.curves.certified_kernels import rooms
+from ferguson_gym.curves.certified_kernels import bounds_margins
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
@@ -175,7 +175,7 @@ class _Problem:
 def _is_clear(chain: Array, field: Field) -> bool:
     """Whether a chain is certified to keep clear of obstacles and inside the bounds."""
     clear = bool((field.obstacles.clearance(chain) >= -TOLERANCE).all())
-    return clear and bool((rooms(chain, field.bounds) >= -TOLERANCE).all())
+    return clear and bool((bounds_margins(chain, field.bounds) >= -TOLERANCE).all())
 
 
 def particles() -> Swarms:

@@ -17,7 +17,7 @@ import pytest
 from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, add, get, new_counters
 from ferguson_gym.simulation import batch_simulator, step_kernel
 from ferguson_gym.simulation.batch_simulator import BLOCK
-from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
@@ -32,7 +32,7 @@ def compiled() -> None:
     """Compile what helpers run, so that no test waits for that."""
     envs = VectorObstacleField(70, fields=1)
     envs.reset(seed=0)
-    job = envs._fleet._bare
+    job = envs._simulator._plain_buffers
     step_kernel.advance(job, new_counters())
     step_kernel.help_out(job, new_counters(), step_kernel.FROM_BACK, 0)
 
@@ -77,7 +77,7 @@ def test_nothing_depends_on_threads(kind: str, monkeypatch: pytest.MonkeyPatch) 
             thread.join()
 
 
-def test_from_many_vehicles_on_a_crew_helps(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_helper_threads_start_from_a_number_of_vehicles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 3)
     for number, helpers in ((batch_simulator.MANY - 1, 0), (batch_simulator.MANY, 2)):
         envs = VectorObstacleField(number, fields=8)
@@ -99,7 +99,9 @@ def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
         assert not started()
         envs.step(np.zeros((70, 4), np.float32))
         assert len(started()) == 3
-        alive = [weakref.ref(thing) for thing in (envs._fleet, envs._fleet._job.actions)]
+        alive = [
+            weakref.ref(thing) for thing in (envs._simulator, envs._simulator._buffers.actions)
+        ]
         time.sleep(wait)
         del envs
         assert alive[0]() is None
@@ -158,7 +160,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     pieces = number // step_kernel.CHUNK
     envs = VectorObstacleField(number, autoreset_mode="SameStep", fields=20)
     envs.reset(seed=0)
-    job, counters = envs._fleet._bare, new_counters()
+    job, counters = envs._simulator._plain_buffers, new_counters()
     late, done = [0], new_counters()
 
     def help_late() -> None:
@@ -170,7 +172,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
     claim(np.zeros(2, np.int64), pieces), report_done(done)  # compiled before it matters
     for _ in range(100):
         before, helper = late[0], threading.Thread(target=help_late)
-        envs._fleet._draw_ahead(envs._fleet._every, envs._streams)
+        envs._simulator._draw_ahead(envs._simulator._all, envs._streams)
         helper.start()
         step_kernel.advance(job, counters)
         waited = late[0] > before
@@ -238,9 +240,9 @@ def test_a_step_that_was_interrupted_before_seeds_were_drawn_leaves_nothing_undo
     envs.reset(seed=0)
     ends = np.full((3, 4), -1.0, np.float32)
     for _ in range(3):
-        envs._fleet._job.flights["next"][:] = BLOCK  # all used up, and no more drawn
+        envs._simulator._buffers.flights["next"][:] = BLOCK  # all used up, and no more drawn
         envs.step(ends)
-        assert (envs._fleet._job.flights["next"] <= BLOCK).all()
+        assert (envs._simulator._buffers.flights["next"] <= BLOCK).all()
         assert {envs.field(i).name.partition(":")[0] for i in range(3)} == {"standard/train"}
 
 

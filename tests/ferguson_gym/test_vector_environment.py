@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation import batch_simulator
-from ferguson_gym.simulation.step_kernel import INFOS
+from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
@@ -168,7 +168,7 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
         env.np_random.bit_generator.state for env in theirs.envs
     ]
     # more resets than seeds are drawn at a time
-    for _ in range(batch_simulator.FIRST + batch_simulator.BLOCK + 1):
+    for _ in range(batch_simulator.FIRST_BLOCK + batch_simulator.BLOCK + 1):
         mine.reset()
         theirs.reset()
     assert_same_flights(mine, theirs)
@@ -187,7 +187,7 @@ def test_a_seed_begins_the_same_draws_anew() -> None:
 
 @pytest.mark.parametrize("mode", [AutoresetMode.NEXT_STEP, AutoresetMode.SAME_STEP])
 @pytest.mark.parametrize(
-    "drawn", [batch_simulator.FIRST, batch_simulator.FIRST + batch_simulator.BLOCK]
+    "drawn", [batch_simulator.FIRST_BLOCK, batch_simulator.FIRST_BLOCK + batch_simulator.BLOCK]
 )
 @pytest.mark.parametrize("more", [-2, -1, 0, 1])
 def test_an_autoreset_takes_the_field_that_a_reset_would(

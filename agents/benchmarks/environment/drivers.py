@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from agents.benchmarks.environment.subprocess_envs import in_processes
 from ferguson_gym import ENVIRONMENT_ID
-from ferguson_gym.simulation.batch_simulator import FIRST
+from ferguson_gym.simulation.batch_simulator import FIRST_BLOCK
 from ferguson_gym.simulation.settings import Settings
 
 FIELDS = Settings().fields
@@ -163,7 +163,7 @@ class Entry:
         Each reset without a seed draws a block of fields for each environment. With ten draws per
         field, a field is missed with probability exp(-10).
         """
-        draws = FIRST * (self.number if self.share else 1)
+        draws = FIRST_BLOCK * (self.number if self.share else 1)
         for seed in rng.integers(2**31, size=1 + math.ceil(10 * self.fields / draws)).tolist():
             driver.reset(seed)
 

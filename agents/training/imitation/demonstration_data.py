@@ -81,7 +81,9 @@ def transitions(flights: Demonstrations, environment: Mapping[str, Any]) -> Iter
     for first in range(0, number, _TOGETHER):
         which = range(first, min(first + _TOGETHER, number))
         chosen = [as_field(flights.fields[i]) for i in which]
-        room = max(settings_of(dict(environment)).most, *(len(f.obstacles) for f in chosen))
+        room = max(
+            settings_of(dict(environment)).max_obstacles, *(len(f.obstacles) for f in chosen)
+        )
         envs = VectorObstacleField(
             len(which),
             autoreset_mode=AutoresetMode.DISABLED,

@@ -73,25 +73,25 @@ def test_each_piece_is_done_exactly_once(helpers: int, started: Callable) -> Non
     stream = np.random.default_rng(helpers)
     for size in (0, 1, 2, *stream.integers(3, 200, 20)):
         counters, times = new_counters(), np.zeros(size, np.int64)
-        crew = HelperThreads(lambda c=counters, t=times: do_pieces(c, t, PATIENT), helpers)
+        threads = HelperThreads(lambda c=counters, t=times: do_pieces(c, t, PATIENT), helpers)
         assert len(started()) >= helpers
         for job in range(1, 101):
-            crew.call()
+            threads.wake()
             do_job(counters, times)
             assert (times == job).all()
-        del crew
+        del threads
 
 
 def test_helpers_do_the_work_alone_and_wake_for_every_call(started: Callable) -> None:
     counters, times = new_counters(), np.zeros(500, np.int64)
-    crew = HelperThreads(lambda: do_pieces(counters, times, 10), 3)
+    threads = HelperThreads(lambda: do_pieces(counters, times, 10), 3)
     for job in range(1, 60):
         if job % 10 == 0:
             time.sleep(0.01)  # they are asleep for sure
-        while not all(bell._asleep for bell in crew._bells):
+        while not all(signal._asleep for signal in threads._signals):
             time.sleep(0.0001)
         set_out(counters)
-        crew.call()
+        threads.wake()
         assert until(lambda: read(counters, DONE) == 500)
         assert (times == job).all()
     assert len(started()) == 3
@@ -103,20 +103,20 @@ def test_calls_at_any_moment_break_nothing(started: Callable) -> None:
     def help_out() -> None:
         count[0] += 1
 
-    crew = HelperThreads(help_out, 3)
+    threads = HelperThreads(help_out, 3)
     for _ in range(20_000):
-        crew.call()
-    assert until(lambda: all(bell._asleep for bell in crew._bells))
+        threads.wake()
+    assert until(lambda: all(signal._asleep for signal in threads._signals))
     before = count[0]
-    crew.call()
+    threads.wake()
     assert until(lambda: count[0] == before + 3)
     assert len(started()) == 3
 
 
 def test_threads_end_with_their_owner_before_they_were_called(started: Callable) -> None:
-    crew = HelperThreads(lambda: None, 2)
+    threads = HelperThreads(lambda: None, 2)
     assert len(started()) == 2
-    del crew
+    del threads
     assert until(lambda: not started())
 
 
@@ -127,9 +127,9 @@ def test_threads_end_with_their_owner_in_the_middle_of_work(started: Callable) -
         begun.set()
         over.wait(20.0)
 
-    crew = HelperThreads(help_out, 2)
-    crew.call()
+    threads = HelperThreads(help_out, 2)
+    threads.wake()
     assert begun.wait(20.0)
-    del crew
+    del threads
     over.set()
     assert until(lambda: not started())

@@ -12,7 +12,7 @@ import pytest
 
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST
-from ferguson_gym.simulation.settings import MOST_FIELDS, MOST_OBSTACLES, Settings
+from ferguson_gym.simulation.settings import MAX_FIELDS, MAX_OBSTACLES, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
@@ -149,7 +149,7 @@ def test_only_fields_that_are_drawn_are_made_and_each_once(
         return usual(settings, seed)
 
     monkeypatch.setattr(Settings, "discs", discs)
-    envs = VectorObstacleField(2, fields=MOST_FIELDS)
+    envs = VectorObstacleField(2, fields=MAX_FIELDS)
     assert not made
     envs.reset(seed=0)
     # the two that were asked for; a block of others when the first of them is flown
@@ -159,7 +159,7 @@ def test_only_fields_that_are_drawn_are_made_and_each_once(
         assert len(made) == 2 + 2 * FIRST
     envs.reset()
     assert 2 + 2 * FIRST < len(made) <= 2 + 2 * (FIRST + BLOCK)
-    assert max(made) > MOST_FIELDS / 2
+    assert max(made) > MAX_FIELDS / 2
     made.clear()
     envs = VectorObstacleField(5, fields=7)
     for _ in range(2 * FIRST):
@@ -194,7 +194,7 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
     one = resident(f"envs = VectorObstacleField(1, fields=1)\n{flights}")
     thousands = resident(f"envs = VectorObstacleField(2048, fields=4000)\n{flights}")
     million = resident(
-        f"envs = VectorObstacleField(2, fields={MOST_FIELDS}, suite='forest')\n{flights}"
+        f"envs = VectorObstacleField(2, fields={MAX_FIELDS}, suite='forest')\n{flights}"
     )
     assert thousands < 500.0
     assert thousands - one < 60.0
@@ -204,12 +204,12 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"fields": 0}, f"from 1 to {MOST_FIELDS} fields, got fields=0"),
-        ({"fields": MOST_FIELDS + 1}, f"got fields={MOST_FIELDS + 1}"),
+        ({"fields": 0}, f"from 1 to {MAX_FIELDS} fields, got fields=0"),
+        ({"fields": MAX_FIELDS + 1}, f"got fields={MAX_FIELDS + 1}"),
         ({"fields": 2.5}, r"fields must be a whole number, got 2\.5"),
         ({"fields": None}, "fields must be a whole number, got None"),
-        ({"obstacles": -1}, f"0 to {MOST_OBSTACLES} obstacles, got obstacles=-1"),
-        ({"obstacles": MOST_OBSTACLES + 1}, f"got obstacles={MOST_OBSTACLES + 1}"),
+        ({"obstacles": -1}, f"0 to {MAX_OBSTACLES} obstacles, got obstacles=-1"),
+        ({"obstacles": MAX_OBSTACLES + 1}, f"got obstacles={MAX_OBSTACLES + 1}"),
         ({"obstacles": 7.0}, r"obstacles must be a whole number, got 7\.0"),
         ({"suite": "traps", "obstacles": 9}, "obstacles of suite 'traps' are fixed"),
         ({"suite": "traps", "radii": (1, 2)}, "obstacles of suite 'traps' are fixed"),
@@ -236,14 +236,14 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
         ({"view": 0.5}, r"view lies between 1 and 1000 m, got 0\.5"),
         ({"view": np.inf}, "got inf"),
         ({"focus": np.nan}, "got nan"),
-        ({"detour": -0.5}, r"price detour lies between 0 and 100, got -0\.5"),
-        ({"failure": 101}, "price failure lies between 0 and 100, got 101"),
-        ({"failure": np.nan}, "price failure .* got nan"),
+        ({"detour": -0.5}, r"penalty detour lies between 0 and 100, got -0\.5"),
+        ({"failure": 101}, "penalty failure lies between 0 and 100, got 101"),
+        ({"failure": np.nan}, "penalty failure .* got nan"),
         ({"failure": None}, "failure must be a number, got None"),
         ({"capacity": 49}, "fields have up to 50 obstacles, more than capacity=49"),
         ({"obstacles": 9, "capacity": 8}, "up to 9 obstacles, more than capacity=8"),
         ({"suite": "traps", "capacity": 100}, "up to 117 obstacles, more than capacity=100"),
-        ({"capacity": MOST_OBSTACLES + 1}, f"got capacity={MOST_OBSTACLES + 1}"),
+        ({"capacity": MAX_OBSTACLES + 1}, f"got capacity={MAX_OBSTACLES + 1}"),
         ({"capacity": 60.0}, "capacity must be a whole number"),
     ],
 )

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ferguson_gym.simulation.step_kernel import first_bad
+from ferguson_gym.simulation.step_kernel import first_invalid
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import decode, encode
 from ferguson_gym.world.field import Field
@@ -151,11 +151,11 @@ def test_a_field_that_was_flown_before_leaves_no_disc_behind() -> None:
         (-np.inf, True),
     ],
 )
-def test_the_first_bad_action_is_found_wherever_it_is(value: float, bad: bool) -> None:
+def test_the_first_invalid_action_is_found_wherever_it_is(value: float, bad: bool) -> None:
     for row in range(3):
         for column in range(4):
             actions = np.zeros((3, 4), np.float32)
             actions[row, column] = value
-            assert first_bad(actions) == (row if bad else -1)
+            assert first_invalid(actions) == (row if bad else -1)
             actions[2, 3] = value
-            assert first_bad(actions) == (row if bad else -1)
+            assert first_invalid(actions) == (row if bad else -1)

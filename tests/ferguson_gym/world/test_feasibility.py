@@ -107,7 +107,7 @@ def test_the_first_failure_in_order_is_named(speed, metres, room, clearance, out
     found = Inspection(
         speed=np.array(speed),
         length=np.array(metres),
-        room=np.array(room),
+        bounds_margin=np.array(room),
         clearance=np.array(clearance),
     )
     assert found.outcome() is outcome
@@ -168,7 +168,7 @@ def test_inspection_finds_known_values():
     found = inspect([[20.0, 30.0], [29.0, 30.0], [9.0, 0.0], [9.0, 0.0]], field)
     assert found.length == pytest.approx(9.0, rel=1e-9)
     assert found.clearance == pytest.approx(7.0, abs=1e-7)
-    assert 35.0 - 1e-10 < found.room < 35.0
+    assert 35.0 - 1e-10 < found.bounds_margin < 35.0
     assert found.speed == pytest.approx(9.0, abs=1e-7)
     np.testing.assert_allclose(
         found.slack(PAPER_LIMITS), [8.9, 6.0, 6.0, 35.0, 7.0], rtol=0, atol=1e-7
@@ -180,7 +180,7 @@ def test_room_is_measured_to_the_nearest_side():
     field = Field(name="box", obstacles=Discs([], []), bounds=bounds)
     for start, room in (([50, 0], 2.0), ([0, 50], 1.0), ([98, 50], 3.0), ([50, 104], 4.0)):
         control = np.array([start, np.add(start, [3, 0]), [3, 0], [3, 0]])
-        assert room - 1e-10 < inspect(control, field).room < room
+        assert room - 1e-10 < inspect(control, field).bounds_margin < room
         assert inspect(control, field).clearance == np.inf
 
 

@@ -1,0 +1,143 @@
+"""The arrays that a step of N vehicles reads and writes, allocated in one place.
+
+A new one needs a field of `StepBuffers` and a line of `make_buffers`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.simulation.field_store import FieldArrays
+from ferguson_gym.simulation.observations import FlatObservation, Layout
+from ferguson_gym.simulation.reward import Penalties
+from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world.actions import Action
+from ferguson_gym.world.limits import LimitValues
+
+Flags = NDArray[np.bool_]
+Integers = NDArray[np.int64]
+Records = NDArray[np.void]
+
+DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
+"""Autoreset modes: a flight that ends is not reset; reset by the next step; reset at once."""
+
+INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
+"""Keys of `info`."""
+
+FLIGHT = np.dtype(
+    [
+        ("slot", np.int64),
+        ("position", np.float64, 2),
+        ("derivative", np.float64, 2),
+        ("segments", np.int64),
+        ("outcome", np.int64),
+        ("path_length", np.float64),
+        ("clearance", np.float64),
+        ("next", np.int64),
+    ]
+)
+"""A vehicle: the slot of its field, position [m], derivative [m per unit t], segments flown,
+code of the outcome, length flown and least clearance so far [m], and the index in its queue of
+the field that it flies next."""
+
+REPORT = np.dtype(
+    [
+        ("reward", np.float64),
+        ("terminated", np.bool_),
+        ("truncated", np.bool_),
+        ("is_success", np.bool_),
+        ("outcome", np.int64),
+        ("path_length", np.float64),
+        ("clearance", np.float64),
+        ("segments", np.int64),
+    ]
+)
+"""What a step returns beside the observation; the last five are infos."""
+
+
+class StepBuffers(NamedTuple):
+    """Everything that a step of N vehicles reads, and where it writes its results.
+
+    Records and few arrays, since compilation time grows with their number. Named tuples come
+    first; see `as_buffers`.
+    """
+
+    fields: FieldArrays
+    limits: LimitValues
+    penalties: Penalties
+    layout: Layout
+    mode: int
+    """DISABLED, NEXT_STEP or SAME_STEP."""
+    flights: Records
+    """(N,) of FLIGHT; changed by each step."""
+    paths: Array
+    """(N, segments + 1, 4, 2) segments flown, then the last one that was refused."""
+    queue: Integers
+    """(N, B) slots of the fields that later resets will fly."""
+    actions: Action
+    """(N, 4) in [-1, 1]."""
+    observations: FlatObservation
+    """(N n,) after the step, or after the reset in its place; entry after entry."""
+    reports: Records
+    """(N,) of REPORT; infos, too, are those after a reset."""
+    final_observations: FlatObservation
+    """SAME_STEP: the last observations of flights that ended."""
+    final_reports: Records
+    """SAME_STEP: infos of flights that ended."""
+
+
+def make_buffers(
+    settings: Settings, number: int, fields: FieldArrays, mode: int, queue: int = 1
+) -> StepBuffers:
+    """Buffers of so many vehicles, zero throughout.
+
+    Args:
+        settings: of the environment.
+        number: N.
+        fields: where vehicles fly.
+        mode: DISABLED, NEXT_STEP or SAME_STEP.
+        queue: fields B that each vehicle's queue holds.
+    """
+    layout = settings.layout
+    values, ended = sum(layout.entries().values()), number if mode == SAME_STEP else 0
+    return StepBuffers(
+        fields=fields,
+        limits=settings.limits.numbers(),
+        penalties=settings.penalties,
+        layout=layout,
+        mode=mode,
+        flights=np.zeros(number, FLIGHT),
+        paths=np.zeros((number, settings.segments + 1, 4, 2)),
+        queue=np.zeros((number, queue), np.int64),
+        actions=np.zeros((number, 4), np.float32),
+        observations=np.zeros(number * values, np.float32),
+        reports=np.zeros(number, REPORT),
+        final_observations=np.zeros(ended * values, np.float32),
+        final_reports=np.zeros(ended, REPORT),
+    )
+
+
+PlainTuple: TypeAlias = tuple[Any, ...]
+"""Step buffers as `as_plain_tuple` makes them."""
+
+
+def as_plain_tuple(buffers: Any) -> PlainTuple:
+    """Buffers as tuples without names: compiled code is called with them in a third of the time."""
+    return tuple(as_plain_tuple(part) if isinstance(part, tuple) else part for part in buffers)
+
+
+@compiled
+def as_buffers(given: PlainTuple) -> StepBuffers:
+    """The inverse of `as_plain_tuple`, in compiled code."""
+    return StepBuffers(
+        FieldArrays(*given[0]),
+        LimitValues(*given[1]),
+        Penalties(*given[2]),
+        Layout(*given[3]),
+        *given[4:],
+    )
