@@ -37,7 +37,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     straight ahead. Every feasible segment has exactly one action
     (`ferguson_gym.world.actions.encode`).
 
-    | entry | means | -1 | 0 | +1 |
+    | entry | meaning | -1 | 0 | +1 |
     | --- | --- | --- | --- | --- |
     | 0 | end point, forward (with entry 1 at 0) | 15 m back | 9 m ahead | 15 m ahead |
     | 1 | end point, to the left (with entry 0 at 0) | -7.1 m | 0 m | 7.1 m |
@@ -50,8 +50,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     An end point within the gate of the goal is moved onto the goal.
 
     ## Observation space
-    `Dict` of vectors, float32, all in [-1, 1]; lengths are parts of `view` unless said otherwise
-    and are clipped there. `gymnasium.wrappers.FlattenObservation` makes one vector of it.
+    `Dict` of vectors, float32, all in [-1, 1]. Lengths are divided by `view` unless said otherwise,
+    and clipped. `gymnasium.wrappers.FlattenObservation` makes one vector of them.
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
@@ -62,8 +62,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
 
-    and, with `observation="discs"` (the default), the nearest obstacles, with
-    `observation="rays"` what a lidar would measure, or, with `observation="both"`, both:
+    Obstacles are observed as the nearest discs with `observation="discs"` (the default), as a
+    lidar would measure them with `observation="rays"`, or both with `observation="both"`:
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
@@ -73,8 +73,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
     | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
 
-    Obstacles are those within `view` of the point `focus` metres ahead of the vehicle, nearest to
-    it first, by the distance from their surface. With a plain network rays learn faster
+    The obstacles are those whose surface is within `view` of the point `focus` metres ahead of the
+    vehicle, the nearest to that point first. With a plain network rays learn faster
     (docs/learnability.md).
 
     ## Reward
@@ -94,8 +94,8 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     ## Termination
     The flight ends on the goal; or its segment is refused: it cuts into an obstacle, is
-    longer than 15 m or shorter than 3 m, slower than 0.1 m per unit t somewhere, or leaves
-    the bounds (-10, 110). A refused segment is not flown: the state stays.
+    longer than 15 m or shorter than 3 m, has a derivative below 0.1 m per unit t somewhere, or
+    leaves the bounds (-10, 110). A refused segment is not flown: the state stays.
 
     ## Truncation
     After `segments` segments.
@@ -113,22 +113,22 @@ class ObstacleField(gym.Env[Observation, Action]):
     All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. Only many
     environments need a `capacity`; a single one makes room for the field that it is given.
 
-    | argument | default | means |
+    | argument | default | meaning |
     | --- | --- | --- |
     | `suite` | standard | or sparse, dense, forest, traps |
     | `split` | train | or validation, test |
-    | `fields` | 10000 | seeds that later resets draw from: 0 to `fields` - 1 |
-    | `obstacles` | None | number of obstacles, where it is not the suite's |
-    | `radii` | None | their (least, greatest) radius [m], where it is not the suite's |
+    | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1 |
+    | `obstacles` | None | number of obstacles, instead of the suite's |
+    | `radii` | None | their (least, greatest) radius [m], instead of the suite's |
     | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
-    | `segments` | 40 | segments of a flight |
+    | `segments` | 40 | maximum number of segments of a flight |
     | `observation` | discs | or rays, or both |
-    | `nearest` | 12 | obstacles that are seen |
-    | `focus` | 0.0 | how far ahead [m] the point is to which they are nearest |
-    | `rays` | 64 | rays, all around |
-    | `view` | 30.0 | how far is seen, and what lengths are parts of [m] |
+    | `nearest` | 12 | number of obstacles observed |
+    | `focus` | 0.0 | distance ahead [m] of the point to which they are nearest |
+    | `rays` | 64 | number of rays, at equal angles |
+    | `view` | 30.0 | range of observation [m], by which lengths are divided |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
-    | `capacity` | None | obstacles that fields may have, if more than the suite's have |
+    | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
     | `render_mode` | None | or human, rgb_array |
 
     ```python
@@ -143,7 +143,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     - v0: first version.
 
     Raises:
-        ValueError: an argument that makes no sense.
+        ValueError: an argument of the wrong type or out of range.
         TypeError: an unknown argument.
     """
 
@@ -185,7 +185,7 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     @property
     def state(self) -> State:
-        """The vehicle's state, exactly; observations are rounded and clipped."""
+        """The vehicle's state in double precision; observations are rounded and clipped."""
         self._started()
         return self._simulator.state(0)
 
@@ -196,7 +196,7 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     @property
     def refused(self) -> Array | None:
-        """The segment (4, 2) that ended the flight without being flown, if one did."""
+        """The segment (4, 2) that was refused and so ended the flight, if one was."""
         return self._simulator.refused(0)
 
     def reset(
@@ -206,8 +206,8 @@ class ObstacleField(gym.Env[Observation, Action]):
 
         Raises:
             TypeError: obstacles other than discs.
-            ValueError: unknown options, a field that is none or not planar, or a seed that is
-                no whole number from 0 to 2**63 - 1.
+            ValueError: unknown options; a field of another type, an unknown name or a field that
+                is not planar; or a seed that is not a whole number from 0 to 2**63 - 1.
         """
         given, seed = known_options(options, "field").get("field"), as_seed(seed)
         field = seed if given is None else as_field(given)

@@ -1,4 +1,4 @@
-"""What both environments take and give: spaces, arguments, actions, seeds, fields, infos."""
+"""Spaces of both environments, and checks of actions, seeds and reset options."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ def observation_space(settings: Settings) -> spaces.Space[Observation]:
 
 
 def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:
-    """Actions in single precision, as the space has them.
+    """Actions in single precision.
 
     Raises:
-        ValueError: another shape, or no numbers.
+        ValueError: another shape, or entries that are not real numbers.
     """
     if type(action) is np.ndarray and action.dtype == np.float32 and action.shape == shape:
         return np.ascontiguousarray(action)
     array = real("action", action)
     if array.shape != shape:
         raise ValueError(f"action must have shape {shape}, got {array.shape}")
-    with np.errstate(over="ignore"):  # what becomes infinite is refused as such
+    with np.errstate(over="ignore"):  # infinite entries are refused later
         return array.astype(np.float32)
 
 
 def as_seed(seed: object) -> int | None:
-    """A seed as a plain number; None stays None.
+    """A seed as an int; None stays None.
 
     Raises:
-        ValueError: anything else.
+        ValueError: not a whole number from 0 to 2**63 - 1.
     """
     if seed is None:
         return None
@@ -60,10 +60,10 @@ def as_seed(seed: object) -> int | None:
 
 
 def known_options(options: object, *names: str) -> Mapping[str, Any]:
-    """Options of a reset; none for None.
+    """Options of a reset as a mapping, empty for None.
 
     Raises:
-        ValueError: no dictionary, or others than `names`.
+        ValueError: not a mapping, or one with other keys than `names`.
     """
     known = " and ".join(repr(name) for name in names)
     if options is None:

@@ -119,12 +119,12 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """Each environment's own source of randomness."""
+        """The random stream of each environment."""
         return tuple(self._streams)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """What each source was seeded with."""
+        """The seed of each environment's random stream."""
         return tuple(self._seeds)
 
     def field(self, index: int) -> Field:
@@ -137,7 +137,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return self._simulator.field(index)
 
     def state(self, index: int) -> State:
-        """An environment's vehicle, exactly; observations are rounded and clipped.
+        """The state of an environment's vehicle in double precision; observations are rounded.
 
         Raises:
             RuntimeError: before the first reset.
@@ -150,11 +150,11 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             raise RuntimeError("no fields yet: call reset() first")
 
     def control(self, index: int) -> Array:
-        """Segments (n, 4, 2) that an environment's flight has flown; none before a reset."""
+        """Segments (n, 4, 2) flown so far in an environment; empty before a reset."""
         return self._simulator.control(index)
 
     def refused(self, index: int) -> Array | None:
-        """The segment (4, 2) that ended an environment's flight without being flown."""
+        """The segment (4, 2) that was refused and so ended an environment's flight, if one was."""
         return self._simulator.refused(index)
 
     def reset(
@@ -167,9 +167,10 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
 
         Raises:
             TypeError: obstacles other than discs.
-            ValueError: lists of another length than N, unknown options, a mask that is none
-                or chooses nothing, a field that is none, not planar or has too many obstacles,
-                a seed that is no whole number from 0 to 2**63 - 1.
+            ValueError: lists of another length than N; unknown options; a mask of another type
+                or shape, or without a True; a field of another type, an unknown name, a field
+                that is not planar or has too many obstacles; or a seed that is not a whole
+                number from 0 to 2**63 - 1.
         """
         asked_for = known_options(options, "field", "reset_mask")
         chosen = self._mask(asked_for.get("reset_mask"))
@@ -302,7 +303,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         )
 
     def close_extras(self, **kwargs: Any) -> None:
-        """Let go of what pictures need."""
+        """Close the viewer."""
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None

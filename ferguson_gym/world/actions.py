@@ -35,10 +35,14 @@ STEEPEST = 66.0
 """Largest coordinate of an end derivative [m per unit t]."""
 AHEAD = 9.0
 """Distance [m] and derivative [m per unit t] of the zero action, straight ahead."""
-_SHARE = AHEAD / REACH
-_FINENESS = 4.0
-_SPREAD = STEEPEST / np.sinh(_FINENESS)
-_OFFSET = float(np.arcsinh(AHEAD / _SPREAD) / _FINENESS)
+SHARE = AHEAD / REACH
+"""Parameter q of the end point's translation."""
+FINENESS = 4.0
+"""Factor in sinh: the larger, the finer are small derivatives encoded."""
+SPREAD = float(STEEPEST / np.sinh(FINENESS))
+"""Derivative [m per unit t] by which sinh is multiplied."""
+OFFSET = float(np.arcsinh(AHEAD / SPREAD) / FINENESS)
+"""Parameter p of the translation of the end derivative's first coordinate."""
 _TINY = 1e-140
 """Length [m per unit t] below which a derivative is scaled before it is squared."""
 
@@ -62,15 +66,15 @@ def heading(along: float, across: float) -> complex:
 @compiled
 def share_of_steepest(slope: float) -> float:
     """Coordinate of a derivative [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
-    return float(np.arcsinh(slope / _SPREAD) / _FINENESS)
+    return float(np.arcsinh(slope / SPREAD) / FINENESS)
 
 
 @compiled
 def end_point(ahead: float, left: float) -> complex:
     """End point for two entries of an action, in the vehicle's frame, in units of `REACH`."""
-    below = complex(1.0 + _SHARE * ahead, -_SHARE * left)
+    below = complex(1.0 + SHARE * ahead, -SHARE * left)
     square = below.real * below.real + below.imag * below.imag
-    above = complex(_SHARE + ahead, left) * below
+    above = complex(SHARE + ahead, left) * below
     return complex(above.real / square, above.imag / square)
 
 
@@ -94,9 +98,9 @@ def decode_into(
     end = end_point(float(action[0]), float(action[1]))
     step = REACH * end * forward
     share = float(action[2])
-    along = np.sinh(_FINENESS * ((_OFFSET + share) / (1.0 + _OFFSET * share)))
-    across = np.sinh(_FINENESS * float(action[3]))
-    slope = _SPREAD * forward * _arrival(end) * complex(along, across)
+    along = np.sinh(FINENESS * ((OFFSET + share) / (1.0 + OFFSET * share)))
+    across = np.sinh(FINENESS * float(action[3]))
+    slope = SPREAD * forward * _arrival(end) * complex(along, across)
     control[0, 0], control[0, 1] = position[0], position[1]
     control[1, 0], control[1, 1] = position[0] + step.real, position[1] + step.imag
     control[2, 0], control[2, 1] = derivative[0], derivative[1]
@@ -197,16 +201,16 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
     turn = heading(ahead[0], ahead[1]).conjugate()
     offset = control[1] - finite("position", position, (2,))
     step = complex(offset[0], offset[1]) * turn / REACH
-    slope = complex(control[3, 0], control[3, 1]) * turn / _SPREAD
+    slope = complex(control[3, 0], control[3, 1]) * turn / SPREAD
     # poles of the inverse maps lie outside the reachable set
-    if inside := abs(step) < 1.0 / _SHARE:
-        there = _unshifted(step, _SHARE)
+    if inside := abs(step) < 1.0 / SHARE:
+        there = _unshifted(step, SHARE)
         point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)
         # the axes are turned as the rounded action will turn them
         slope *= _arrival(end_point(float(point[0]), float(point[1]))).conjugate()
-        along, across = np.arcsinh([slope.real, slope.imag]) / _FINENESS
-        if inside := abs(along) < 1.0 / _OFFSET:
-            action = np.array([there.real, there.imag, _unshifted(along, _OFFSET), across])
+        along, across = np.arcsinh([slope.real, slope.imag]) / FINENESS
+        if inside := abs(along) < 1.0 / OFFSET:
+            action = np.array([there.real, there.imag, _unshifted(along, OFFSET), across])
             inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
     if not inside:
         raise ValueError(

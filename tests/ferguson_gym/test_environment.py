@@ -41,14 +41,14 @@ def toward(env: ObstacleField, end: np.ndarray, derivative: np.ndarray) -> np.nd
 
 @pytest.mark.parametrize("suite", ["standard", "sparse", "forest"])
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
-def test_gymnasium_checker_has_nothing_to_say(suite: str, render_mode: str | None) -> None:
+def test_gymnasiums_checker_passes(suite: str, render_mode: str | None) -> None:
     env = gym.make(ENVIRONMENT_ID, suite=suite, nearest=30, render_mode=render_mode)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped)
 
 
-def test_stable_baselines_checker_has_nothing_to_say() -> None:
+def test_stable_baselines_checker_passes() -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -106,7 +106,7 @@ def test_straight_flight_over_an_open_field_reaches_the_goal() -> None:
 
 
 @pytest.mark.parametrize("detour", [0.0, 1.0, 2.5])
-def test_flights_return_one_less_the_price_of_their_detour(detour: float) -> None:
+def test_successful_flights_return_one_less_the_detour_penalty(detour: float) -> None:
     env = ObstacleField(detour=detour)
     env.reset(options={"field": OPEN})
     corners = [np.array([8.0 * k, 8.0 * k + 3.0 * (k % 2)]) for k in range(1, 13)]

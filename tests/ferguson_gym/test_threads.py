@@ -89,7 +89,7 @@ def test_helper_threads_start_from_a_number_of_vehicles(monkeypatch: pytest.Monk
 
 
 @pytest.mark.parametrize("wait", [0.0, 0.05])
-def test_a_vector_environment_that_goes_takes_threads_and_memory_along(
+def test_a_deleted_vector_environment_frees_threads_and_memory(
     wait: float, monkeypatch: pytest.MonkeyPatch, started: Callable
 ) -> None:
     monkeypatch.setattr(batch_simulator.numba, "get_num_threads", lambda: 4)
@@ -235,7 +235,7 @@ def test_a_program_ends_while_threads_look_for_work() -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "flew\n", "")
 
 
-def test_a_step_that_was_interrupted_before_seeds_were_drawn_leaves_nothing_undone() -> None:
+def test_a_step_interrupted_before_seeds_were_drawn_can_be_repeated() -> None:
     envs = VectorObstacleField(3, fields=50)
     envs.reset(seed=0)
     ends = np.full((3, 4), -1.0, np.float32)

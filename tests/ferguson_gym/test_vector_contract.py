@@ -100,7 +100,7 @@ def test_autoreset_is_by_the_next_step_unless_said_otherwise() -> None:
 
 @pytest.mark.parametrize("arguments", OBSERVATIONS)
 @pytest.mark.parametrize("flat", [False, True])
-def test_checkers_have_nothing_to_say(arguments: dict, flat: bool) -> None:
+def test_checkers_pass(arguments: dict, flat: bool) -> None:
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -174,7 +174,7 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
     assert_same_flights(mine, theirs)
 
 
-def test_a_seed_begins_the_same_draws_anew() -> None:
+def test_a_seed_repeats_the_same_draws() -> None:
     envs = VectorObstacleField(2)
 
     def names(seed: int | None) -> list[str]:
@@ -247,7 +247,9 @@ def returned(value: Any) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_what_was_returned_stays_and_may_be_written_over(mode: AutoresetMode, kind: str) -> None:
+def test_returned_arrays_do_not_change_and_may_be_overwritten(
+    mode: AutoresetMode, kind: str
+) -> None:
     number = 6
     one, other = (
         VectorObstacleField(number, mode, fields=FEW, segments=6, **KINDS[kind]) for _ in range(2)

@@ -7,13 +7,12 @@ likelihood of an expert's action cannot tell. Sampled, not certified: what is fl
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import torch
 from torch import Tensor
 
-from ferguson_gym.world.actions import AHEAD, BEND, REACH, STEEPEST
+from ferguson_gym.world.actions import BEND, FINENESS, OFFSET, REACH, SHARE, SPREAD
 from ferguson_gym.world.limits import PAPER_LIMITS
 
 CLEARANCE = 0.35
@@ -25,15 +24,11 @@ _ROOM = 0.5
 _SLOWEST = 1.2
 """Least size of the derivative that costs nothing [m per unit t]."""
 _SAMPLES = 12
-_FINENESS = 4.0
-_SPREAD = STEEPEST / math.sinh(_FINENESS)
-_SHARE = AHEAD / REACH
-_OFFSET = math.asinh(AHEAD / _SPREAD) / _FINENESS
 
 
 def speed_of(share: Tensor) -> Tensor:
     """Size of the derivative [m per unit t] whose share an observation shows."""
-    return _SPREAD * torch.sinh(_FINENESS * share)
+    return SPREAD * torch.sinh(FINENESS * share)
 
 
 def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) -> Tensor:
@@ -67,13 +62,16 @@ def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) ->
 
 
 def _decoded(actions: Tensor) -> tuple[Tensor, Tensor]:
-    """End points and end derivatives (n, 2) [m] in the vehicle's frame, as `actions.decode`."""
+    """End points and end derivatives (n, 2) [m] in the vehicle's frame, as `actions.decode_into`.
+
+    Written again because torch must differentiate it; a test compares both in double precision.
+    """
     place = torch.complex(actions[:, 0], actions[:, 1])
-    end = (place + _SHARE) / (1.0 + _SHARE * place)
-    along = torch.sinh(_FINENESS * (_OFFSET + actions[:, 2]) / (1.0 + _OFFSET * actions[:, 2]))
-    across = torch.sinh(_FINENESS * actions[:, 3])
+    end = (place + SHARE) / (1.0 + SHARE * place)
+    along = torch.sinh(FINENESS * (OFFSET + actions[:, 2]) / (1.0 + OFFSET * actions[:, 2]))
+    across = torch.sinh(FINENESS * actions[:, 3])
     turn = torch.polar(torch.ones_like(along), BEND * end.imag)
-    slope = _SPREAD * turn * torch.complex(along, across)
+    slope = SPREAD * turn * torch.complex(along, across)
     return torch.view_as_real(REACH * end), torch.view_as_real(slope)
 
 

@@ -133,7 +133,7 @@ def test_length_is_accurate_at_an_exact_cusp(turn, dimension, scale):
 
 
 @pytest.mark.parametrize("scale", SCALES)
-def test_a_way_forth_and_back_counts_twice(scale):
+def test_a_segment_that_turns_back_counts_both_ways(scale):
     # x = 4 t (1 - t) goes one metre and returns
     control = scale * np.array([[0.0, 0.0], [0.0, 0.0], [4.0, 0.0], [-4.0, 0.0]])
     assert length(control) == pytest.approx(2.0 * scale, rel=RELATIVE, abs=0.0)

@@ -221,7 +221,7 @@ def test_is_clear_demands_the_margin_of_clearance(encounter):
 
 @PROPERTY
 @given(encounters(), st.floats(-1.0, 1.0))
-def test_is_clear_never_says_yes_where_a_sample_says_no(encounter, shift):
+def test_is_clear_is_false_wherever_a_sample_is_not_clear(encounter, shift):
     control, center, radius = encounter
     samples = np.linalg.norm(evaluate(control, T) - center, axis=-1) - radius
     # thresholds close to the truth, where a wrong yes would be easiest
@@ -313,7 +313,7 @@ def test_least_speed_of_known_segments(control, expected, where, scale):
         assert t == pytest.approx(where, abs=1e-6)
 
 
-def test_a_threshold_that_is_no_number_is_refused():
+def test_a_threshold_that_is_not_a_number_is_refused():
     with pytest.raises(ValueError, match="least must be finite, got nan"):
         is_clear([[0, 0], [9, 0], [9, 0], [9, 0]], [[4, 0]], [1], least=np.nan)
 

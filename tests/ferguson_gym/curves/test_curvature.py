@@ -41,14 +41,14 @@ def agrees(control: Array) -> None:
 
 @PROPERTY
 @given(DIMENSIONS.flatmap(lambda dimension: vectors(4, dimension)))
-def test_it_is_that_of_dense_samples_refined(control: Array) -> None:
+def test_greatest_curvature_agrees_with_refined_samples(control: Array) -> None:
     assume(control[2:].any() or (control[0] != control[1]).any())
     agrees(control)
 
 
 @PROPERTY
 @given(DIMENSIONS.flatmap(lambda d: vectors(3, d)), st.floats(0.0, 1.0), SMALL)
-def test_near_a_cusp_too(rows: Array, at: float, small: float) -> None:
+def test_greatest_curvature_near_a_cusp(rows: Array, at: float, small: float) -> None:
     turn, more, aside = rows
     assume(np.abs(turn).max() > 1.0)
     t = np.array([0.0, 0.5, 1.0])[:, None]
@@ -57,7 +57,9 @@ def test_near_a_cusp_too(rows: Array, at: float, small: float) -> None:
 
 @PROPERTY
 @given(st.tuples(st.floats(0, 1), st.floats(0, 1)), vectors(3, 2), SMALL)
-def test_near_two_cusps_too(at: tuple[float, float], rows: Array, small: float) -> None:
+def test_greatest_curvature_near_two_cusps(
+    at: tuple[float, float], rows: Array, small: float
+) -> None:
     along, aside, more = rows
     assume(np.abs(along).max() > 1.0)
     t = np.array([0.0, 0.5, 1.0])[:, None]
@@ -66,7 +68,9 @@ def test_near_two_cusps_too(at: tuple[float, float], rows: Array, small: float) 
 
 @PROPERTY
 @given(vectors(1, 3), st.lists(COORDINATES, min_size=4, max_size=4), vectors(4, 3), SMALL)
-def test_near_a_line_too(along: Array, places: list[float], aside: Array, small: float) -> None:
+def test_greatest_curvature_near_a_line(
+    along: Array, places: list[float], aside: Array, small: float
+) -> None:
     assume(np.abs(along).max() > 1.0)
     control = np.outer(places, along[0]) + small * aside
     assume(np.abs(np.diff(control, axis=0)).max() > 0.01)
@@ -75,7 +79,7 @@ def test_near_a_line_too(along: Array, places: list[float], aside: Array, small:
 
 @PROPERTY
 @given(DIMENSIONS.flatmap(lambda d: vectors(3, d)), st.sampled_from([0, 1, 2]), SMALL)
-def test_of_degenerate_degree_too(rows: Array, which: int, small: float) -> None:
+def test_greatest_curvature_of_degenerate_degree(rows: Array, which: int, small: float) -> None:
     start, end, other = rows
     assume(np.abs(start).max() > 1.0)
     assume(np.abs(end).max() > 1.0)
@@ -86,7 +90,7 @@ def test_of_degenerate_degree_too(rows: Array, which: int, small: float) -> None
 
 @PROPERTY
 @given(DIMENSIONS.flatmap(lambda d: vectors(4, d)), st.floats(-120, 120), st.floats(0.1, 0.9))
-def test_it_scales_turns_round_and_is_the_greater_of_two_parts(
+def test_greatest_curvature_under_scaling_reversal_and_subdivision(
     control: Array, power: float, split: float
 ) -> None:
     assume(np.abs(control[2:]).max() > 0.1)
@@ -103,7 +107,7 @@ def test_it_scales_turns_round_and_is_the_greater_of_two_parts(
 
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 @pytest.mark.parametrize("place", [0.0, 1e3])
-def test_lines_in_any_direction_have_none_and_those_that_turn_back_have_cusps(
+def test_lines_have_no_curvature_and_lines_that_turn_back_have_cusps(
     dimension: int, place: float
 ) -> None:
     stream = np.random.default_rng(dimension)
@@ -121,7 +125,7 @@ def test_lines_in_any_direction_have_none_and_those_that_turn_back_have_cusps(
 
 
 @pytest.mark.parametrize("at", [0.0, 0.25, 1.0 / 3.0, 0.7, 1.0])
-def test_standing_still_is_a_cusp_wherever_it_is(at: float) -> None:
+def test_a_vanishing_derivative_is_a_cusp_wherever_it_is(at: float) -> None:
     t = np.array([0.0, 0.5, 1.0])[:, None]
     for power in (1, 2):  # a turn back, and a halt on a line
         for along in np.random.default_rng(0).normal(size=(20, 2)):
@@ -129,13 +133,13 @@ def test_standing_still_is_a_cusp_wherever_it_is(at: float) -> None:
             assert max_curvature(from_derivative(v)) == np.inf
 
 
-def test_the_largest_numbers_are_borne() -> None:
+def test_the_largest_numbers_do_not_overflow() -> None:
     control = np.array([[0.0, 0.0], [1.0, -1.0], [1.0, 0.5], [-1.0, 1.0]])
     small, scale = max_curvature(control), 2.0 ** math.floor(math.log2(LARGEST))
     assert max_curvature(control * scale) == pytest.approx(small / scale, rel=1e-9)
 
 
-def test_a_segment_alone_is_as_among_others_and_ten_thousand_take_no_time() -> None:
+def test_batches_agree_with_single_segments_and_are_fast() -> None:
     control = np.random.default_rng(3).normal(size=(10_000, 4, 2))
     together = max_curvature(control)
     assert [float(max_curvature(one)) for one in control[:50]] == together[:50].tolist()

@@ -73,7 +73,7 @@ def test_joints_may_differ_by_rounding_alone(scale):
         ("path", "a control array must be an array of numbers"),
     ],
 )
-def test_what_is_no_chain_is_refused(control, message):
+def test_arrays_that_are_not_chains_are_refused(control, message):
     with pytest.raises(ValueError, match=message):
         Path(control)
 

@@ -276,7 +276,7 @@ def test_complex_control_is_refused():
         (np.full((4, 2), 1e154), r"must be at most 1e\+120 in size, got 1e\+154"),
     ],
 )
-def test_what_is_no_control_array_is_refused_by_all(ask, control, message):
+def test_invalid_control_arrays_are_refused_by_every_function(ask, control, message):
     with pytest.raises(ValueError, match=message):
         ask(control)
 
@@ -292,7 +292,7 @@ def test_what_is_no_control_array_is_refused_by_all(ask, control, message):
         ([0.5], 1.0, r"order is a whole number from 0 on, got 1\.0"),
     ],
 )
-def test_parameters_and_orders_that_are_none_are_refused(t, order, message):
+def test_invalid_parameters_and_orders_are_refused(t, order, message):
     with pytest.raises(ValueError, match=message):
         derivative(np.zeros((4, 2)), t, order)
 

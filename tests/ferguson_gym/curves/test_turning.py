@@ -20,25 +20,25 @@ def arc(radius: float, pieces: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("radius", [0.5, 3.0, 40.0])
-def test_an_arc_bends_by_its_angle_over_its_radius(radius: float) -> None:
+def test_bending_energy_of_an_arc_is_its_angle_over_its_radius(radius: float) -> None:
     energy = bending_energy(arc(radius, 16))
     assert energy.shape == (16,)
     assert energy.sum() == pytest.approx(np.pi / 2 / radius, rel=1e-7)
 
 
 @pytest.mark.parametrize("derivatives", [(1.0, 1.0), (0.2, 2.5)])
-def test_a_straight_line_does_not_bend(derivatives: tuple[float, float]) -> None:
+def test_bending_energy_of_a_line_is_zero(derivatives: tuple[float, float]) -> None:
     line = LINE.copy()
     line[2:] *= np.array(derivatives)[:, None]
     assert bending_energy(line) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_a_cusp_bends_without_end() -> None:
+def test_bending_energy_of_a_cusp_is_infinite() -> None:
     assert bending_energy([[0, 0], [4, 3], [0, 0], [1, 5]]) == np.inf
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_it_is_what_fine_quadrature_gives(seed: int) -> None:
+def test_bending_energy_agrees_with_fine_quadrature(seed: int) -> None:
     # end and derivatives near (10, 0): without a near-cusp that a fixed grid would miss
     ahead = np.random.default_rng(seed).normal([1.0, 0.0], 0.25, (3, 2))
     control = 10.0 * np.vstack([[[0.0, 0.0]], ahead])
@@ -48,7 +48,7 @@ def test_it_is_what_fine_quadrature_gives(seed: int) -> None:
     assert bending_energy(control) == pytest.approx(fine, rel=1e-8, abs=1e-12)
 
 
-def test_it_adds_up_over_the_parts_of_a_nearly_cusped_segment() -> None:
+def test_bending_energy_adds_up_over_the_parts_of_a_nearly_cusped_segment() -> None:
     # the derivative falls to the least that may be flown, 0.1 m, near t = 1/2
     control = np.array([[0.0, 0.0], [3.0, 0.0], [9.0, 4.0], [8.6, -4.0]])
     whole = bending_energy(control)
@@ -77,7 +77,7 @@ def test_the_papers_example_is_just_over_seven_metres_a_second() -> None:
         (3.0, 1.6, "between 0 and pi/2, got 1.6"),
     ],
 )
-def test_what_is_no_turn_is_refused(radius: float, roll: float, message: str) -> None:
+def test_invalid_turn_radii_are_refused(radius: float, roll: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         fastest_turn(radius, roll)
 
@@ -90,11 +90,11 @@ def test_what_is_no_turn_is_refused(radius: float, roll: float, message: str) ->
         (7.0, 0.0, "between 0 and pi/2, got 0"),
     ],
 )
-def test_what_is_no_speed_is_refused(speed: float, roll: float, message: str) -> None:
+def test_invalid_speeds_are_refused(speed: float, roll: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tightest_turn(speed, roll)
 
 
-def test_the_energy_of_what_nearly_has_a_cusp_is_a_number_without_a_warning() -> None:
+def test_bending_energy_near_a_cusp_is_finite_without_a_warning() -> None:
     energy = bending_energy([[0.0, 0.0], [0.0, 0.0], [0.0, 1.0], [1e-9, 0.0]])
     assert 0.0 < energy < np.inf

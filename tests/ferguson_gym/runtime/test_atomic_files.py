@@ -92,5 +92,5 @@ def test_whether_a_directory_takes_files_is_tried(tmp_path):
 
 
 @pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs Linux's /proc")
-def test_not_even_root_writes_where_no_files_are():
+def test_a_directory_without_files_is_unwritable_even_for_root():
     assert unwritable("/proc") is not None

@@ -82,7 +82,7 @@ def test_each_piece_is_done_exactly_once(helpers: int, started: Callable) -> Non
         del threads
 
 
-def test_helpers_do_the_work_alone_and_wake_for_every_call(started: Callable) -> None:
+def test_helpers_alone_finish_the_work_of_every_call(started: Callable) -> None:
     counters, times = new_counters(), np.zeros(500, np.int64)
     threads = HelperThreads(lambda: do_pieces(counters, times, 10), 3)
     for job in range(1, 60):
@@ -97,7 +97,7 @@ def test_helpers_do_the_work_alone_and_wake_for_every_call(started: Callable) ->
     assert len(started()) == 3
 
 
-def test_calls_at_any_moment_break_nothing(started: Callable) -> None:
+def test_calls_at_any_moment_are_safe(started: Callable) -> None:
     count = [0]
 
     def help_out() -> None:

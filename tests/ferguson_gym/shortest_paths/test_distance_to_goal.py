@@ -29,7 +29,7 @@ def free_points(field: Field, number: int, seed: int = 0) -> np.ndarray:
 
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
-def test_it_is_the_length_of_the_shortest_path_from_there(field: Field) -> None:
+def test_distance_is_the_length_of_the_shortest_path(field: Field) -> None:
     togo = DistanceToGoal(field)
     points = free_points(field, 60)
     distance, gradient = togo(points)
@@ -73,7 +73,7 @@ def test_the_gradient_is_that_of_the_distance(field: Field) -> None:
 
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
-def test_it_never_changes_faster_than_a_free_line_is_long(field: Field) -> None:
+def test_distance_along_a_free_line_changes_by_at_most_its_length(field: Field) -> None:
     togo = DistanceToGoal(field)
     points = free_points(field, 300)
     step = np.random.default_rng(1).normal(0.0, 8.0, points.shape)
@@ -91,7 +91,7 @@ def test_it_never_changes_faster_than_a_free_line_is_long(field: Field) -> None:
 
 
 @pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
-def test_along_the_shortest_path_it_falls_by_what_is_flown(field: Field) -> None:
+def test_distance_decreases_by_the_length_flown_along_the_shortest_path(field: Field) -> None:
     togo = DistanceToGoal(field)
     path = togo.path(field.start)
     if path is None:
@@ -114,7 +114,7 @@ def test_along_the_shortest_path_it_falls_by_what_is_flown(field: Field) -> None
                 flown += path.radii[k] * path.sweeps[k]
 
 
-def test_at_the_goal_it_is_zero_and_has_no_slope() -> None:
+def test_distance_and_gradient_are_zero_at_the_goal() -> None:
     distance, gradient = DistanceToGoal(DISC)([[100.0, 100.0], [100.0, 99.0]])
     np.testing.assert_array_equal(distance, [0.0, 1.0])
     np.testing.assert_array_equal(gradient, [[0.0, 0.0], [0.0, -1.0]])
@@ -206,7 +206,7 @@ def test_other_obstacles_are_refused() -> None:
 
 @given(field=fields())
 @settings(deadline=None, max_examples=150, derandomize=True)
-def test_in_any_field_it_is_a_number_or_infinite_with_unit_slopes(field: Field) -> None:
+def test_distance_in_random_fields_is_finite_with_unit_gradient_or_infinite(field: Field) -> None:
     grid = np.stack(np.meshgrid(*2 * [np.arange(-10.0, 111.0, 7.5)]), axis=-1).reshape(-1, 2)
     distance, gradient = DistanceToGoal(field)(grid)
     straight = np.linalg.norm(grid - field.goal, axis=1)

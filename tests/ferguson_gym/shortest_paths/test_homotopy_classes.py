@@ -134,7 +134,7 @@ def test_a_disc_smaller_than_the_margin_has_no_sides() -> None:
     assert len(best_classes(field, field.start, 5)) == 1
 
 
-def test_a_side_closed_by_the_bounds_is_no_class() -> None:
+def test_a_side_closed_by_the_bounds_is_not_a_class() -> None:
     discs = Discs([[50.0, 105.0]], [20.0])
     field = Field(name="closed", obstacles=discs)
     assert len(best_classes(field, field.start, 5)) == 1
@@ -153,7 +153,7 @@ def test_a_row_with_a_common_tangent_has_one_class_along_it() -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_going_all_round_a_thin_trunk_is_no_class(seed: int) -> None:
+def test_a_full_turn_around_a_thin_disc_is_not_a_class(seed: int) -> None:
     # cheap as it is; rounding may also place the end of a tangent just behind its start
     stream = np.random.default_rng(seed)
     turn = stream.uniform(0.0, 1.5)
@@ -172,7 +172,7 @@ def test_going_all_round_a_thin_trunk_is_no_class(seed: int) -> None:
     assert len(ways) == 40
 
 
-def test_from_a_disc_straight_on_is_no_turn_all_round_it() -> None:
+def test_a_straight_start_on_a_disc_is_not_a_full_turn() -> None:
     for seed in range(250):  # rounding matters in one of fifty
         turn = np.random.default_rng(seed).uniform(0.0, 1.5)
         along = np.array([math.cos(turn), math.sin(turn)])
@@ -194,7 +194,7 @@ def test_without_a_path_there_is_no_class() -> None:
 
 
 @pytest.mark.parametrize("k", [0, -1])
-def test_no_classes_cannot_be_asked_for(k: int) -> None:
+def test_at_least_one_class_must_be_asked_for(k: int) -> None:
     with pytest.raises(ValueError, match=f"at least 1 class must be asked for, got {k}"):
         best_classes(get_field("paper:1"), (0.0, 0.0), k)
 

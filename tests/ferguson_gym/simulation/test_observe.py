@@ -22,7 +22,7 @@ from ferguson_gym.world.field_names import get_field
     ],
     ids=["discs", "rays", "both", "other"],
 )
-def test_what_is_seen_from_states_is_what_the_environment_shows_there(
+def test_observations_from_states_are_those_of_the_environment(
     arguments: dict[str, Any],
 ) -> None:
     env = ObstacleField(**arguments)
@@ -40,7 +40,7 @@ def test_what_is_seen_from_states_is_what_the_environment_shows_there(
         np.testing.assert_array_equal(values, [one[key] for one in expected])
 
 
-def test_nothing_is_seen_of_no_states() -> None:
+def test_no_states_give_empty_observations() -> None:
     field = get_field("sparse/train:3")
     seen = observe(field, [], Settings())
     assert seen["goal"].shape == (0, 3)
@@ -48,7 +48,7 @@ def test_nothing_is_seen_of_no_states() -> None:
     assert only[0] > 0.0
 
 
-def test_one_vehicle_sees_what_it_would_among_others() -> None:
+def test_one_observation_equals_its_row_of_many() -> None:
     field, settings = get_field("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
     vehicles = [
         transition.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)

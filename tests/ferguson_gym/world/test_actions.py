@@ -206,7 +206,7 @@ def test_only_the_end_of_a_segment_is_encoded():
         ("ahead", "action must be an array of numbers"),
     ],
 )
-def test_what_is_no_action_is_refused(action, message):
+def test_invalid_actions_are_refused(action, message):
     with pytest.raises(ValueError, match=message):
         decode(action, np.zeros(2), np.array([5.0, 0.0]), FAR, gate=1.0)
 
@@ -236,7 +236,7 @@ def test_a_segment_out_of_reach_is_refused(end, slope, message):
         (np.full((4, 2), np.nan), "segment must be finite, got nan"),
     ],
 )
-def test_what_is_no_planar_segment_is_refused(segment, message):
+def test_segments_that_are_not_planar_are_refused(segment, message):
     with pytest.raises(ValueError, match=message):
         encode(segment, np.zeros(2), np.array([5.0, 0.0]))
 
@@ -249,7 +249,7 @@ def test_segments_beyond_the_poles_of_the_encoding_are_refused(end, slope):
 
 
 @pytest.mark.parametrize("size", [1e-140, 1e-161, 5e-324])
-def test_a_derivative_whose_square_is_none_has_a_heading(size):
+def test_a_derivative_whose_square_underflows_has_a_heading(size):
     # the segment was 36 mm short, and some had no action
     slow = np.array([0.0, size])
     segment = decode([0.0, 0.0, 0.0, 0.0], np.zeros(2), slow, FAR, 1.0)
@@ -266,7 +266,7 @@ def test_a_derivative_whose_square_is_none_has_a_heading(size):
         (np.zeros(2), [np.inf, 0.0], "derivative must be finite, got inf"),
     ],
 )
-def test_positions_and_derivatives_that_are_none_are_refused(at, slope, message):
+def test_invalid_positions_and_derivatives_are_refused(at, slope, message):
     with pytest.raises(ValueError, match=message):
         decode(np.zeros(4), at, slope, FAR, 1.0)
     with pytest.raises(ValueError, match=message):

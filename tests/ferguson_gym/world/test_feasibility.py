@@ -175,7 +175,7 @@ def test_inspection_finds_known_values():
     )
 
 
-def test_room_is_measured_to_the_nearest_side():
+def test_the_bounds_margin_is_measured_to_the_nearest_side():
     bounds = [[-1.0, -2.0], [104.0, 108.0]]
     field = Field(name="box", obstacles=Discs([], []), bounds=bounds)
     for start, room in (([50, 0], 2.0), ([0, 50], 1.0), ([98, 50], 3.0), ([50, 104], 4.0)):
@@ -280,6 +280,6 @@ def test_limits_that_are_not_finite_are_refused(name, value):
         ({"longest": 10**400}, "limit longest must be a number, got 1000"),
     ],
 )
-def test_limits_that_are_no_numbers_are_refused(options, message):
+def test_limits_that_are_not_numbers_are_refused(options, message):
     with pytest.raises(ValueError, match=message):
         Limits(**options)

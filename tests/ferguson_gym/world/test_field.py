@@ -93,7 +93,7 @@ def test_defaults_are_those_of_the_paper():
     assert plain.distance == pytest.approx(20000**0.5, rel=1e-15)
 
 
-def test_a_flight_leaves_towards_the_goal_unless_told_otherwise():
+def test_the_default_start_derivative_points_at_the_goal():
     np.testing.assert_allclose(field(goal=[30.0, 40.0]).departure, [3.0, 4.0], rtol=1e-15)
     np.testing.assert_array_equal(field(start_derivative=[0.0, -7.0]).departure, [0.0, -7.0])
 
@@ -170,7 +170,7 @@ def test_near_keeps_the_discs_within_reach(reach, radii):
     assert near.radii.tolist() == radii
 
 
-def test_no_discs_are_an_obstacle_to_nobody():
+def test_empty_discs_obstruct_nothing():
     nothing = Discs([], [])
     assert len(nothing) == 0
     assert nothing.signed_distance(np.zeros((3, 2))).shape == (3, 0)

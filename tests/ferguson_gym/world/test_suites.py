@@ -227,7 +227,7 @@ def test_scattered_discs_lie_on_latin_hypercubes(designs, smallest, largest):
 @pytest.mark.parametrize(
     ("smallest", "largest"), [(0.0, 1.0), (-1.0, 1.0), (2.0, 1.0), (3.0, 7.001), (np.nan, 1.0)]
 )
-def test_radii_that_make_no_recipe_are_refused(smallest, largest):
+def test_invalid_radii_of_a_recipe_are_refused(smallest, largest):
     with pytest.raises(ValueError, match=f"0 < smallest <= largest <= 7 m .* got {smallest} and"):
         Scattered((5,), smallest, largest)
 

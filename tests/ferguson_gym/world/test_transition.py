@@ -215,7 +215,7 @@ def test_a_disturbed_vehicle_still_meets_the_end_of_its_plan():
 
 
 @pytest.mark.parametrize("action", [[0.0, 0.0, 0.0, 1.1], [np.nan] * 4, [0.0] * 3])
-def test_what_is_no_action_is_refused(action):
+def test_invalid_actions_are_refused(action):
     with pytest.raises(ValueError, match="action"):
         advance(OPEN, initial_state(OPEN), action)
 
@@ -251,7 +251,7 @@ def test_unknown_codes_are_refused(code):
         Outcome.from_code(code)
 
 
-def test_many_steps_at_once_are_those_taken_alone() -> None:
+def test_advance_all_agrees_with_single_steps() -> None:
     field = get_field("standard/train:1")
     stream = np.random.default_rng(0)
     states, outcomes = [initial_state(field)] * 8, set()
