@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST
+from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST_BLOCK
 from ferguson_gym.simulation.settings import MAX_FIELDS, MAX_OBSTACLES, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import encode
@@ -154,15 +154,15 @@ def test_only_fields_that_are_drawn_are_made_and_each_once(
     envs.reset(seed=0)
     # the two that were asked for; a block of others when the first of them is flown
     assert made == [0, 1]
-    for _ in range(FIRST):
+    for _ in range(FIRST_BLOCK):
         envs.reset()
-        assert len(made) == 2 + 2 * FIRST
+        assert len(made) == 2 + 2 * FIRST_BLOCK
     envs.reset()
-    assert 2 + 2 * FIRST < len(made) <= 2 + 2 * (FIRST + BLOCK)
+    assert 2 + 2 * FIRST_BLOCK < len(made) <= 2 + 2 * (FIRST_BLOCK + BLOCK)
     assert max(made) > MAX_FIELDS / 2
     made.clear()
     envs = VectorObstacleField(5, fields=7)
-    for _ in range(2 * FIRST):
+    for _ in range(2 * FIRST_BLOCK):
         envs.reset()
     assert sorted(made) == list(range(7))
 
