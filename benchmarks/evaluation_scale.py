@@ -1,4 +1,4 @@
-"""How long large evaluations take, and how much memory: everything from the command to its results.
+"""Time and memory of large evaluations, from the command to its results.
 
 Run it from a checkout with the extra `agents`, on Linux, on a quiet machine:
 
@@ -9,8 +9,8 @@ Run it from a checkout with the extra `agents`, on Linux, on a quiet machine:
 By default 10,000 flights of a learned agent and 1,000 of `guided`. Each is a `ferguson evaluate` of
 its own, with start-up, exact lengths, statistics, pictures and report; kernels are compiled before.
 Memory is the sum of the proportional set sizes (PSS) of the command and of all processes below it,
-so that what they share counts once, looked at twice a second; the second figure is the command's
-process alone.
+so that shared pages count once, sampled twice a second; the second figure is the process of the
+command alone.
 """
 
 from __future__ import annotations
@@ -30,9 +30,9 @@ from rich.console import Console
 from rich.table import Table
 
 TARGETS = ("dagger-ppo:standard/validation:0-9999", "guided:standard/validation:0-999")
-"""What the project promises in a minute on two cores."""
+"""Evaluations that should take at most a minute on two cores."""
 PAUSE = 0.5
-"""Between looks at memory [s]."""
+"""Time between samples of memory [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,11 +127,11 @@ def main() -> None:
 
 
 def _spread(values: list[float], form: str) -> str:
-    """The median, and from where to where."""
-    told = f"{np.median(values):{form}}"
+    """The median and the range."""
+    text = f"{np.median(values):{form}}"
     if len(values) > 1:
-        told += f" ({min(values):{form}} to {max(values):{form}})"
-    return told
+        text += f" ({min(values):{form}} to {max(values):{form}})"
+    return text
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The reference tables: what evaluations of all policies on whole suites came to, as Markdown.
+"""The reference tables as Markdown: evaluations of all policies on whole suites.
 
 Run it from a checkout, on directories of results; those of the same fields' family share a table:
 
@@ -51,7 +51,7 @@ COLUMNS = (
 
 
 def kept(directory: Path) -> dict[str, Any]:
-    """What is kept of the results in a directory.
+    """The entries of a directory's summary that the tables need.
 
     Raises:
         ValueError: there are none, or they are of several families of fields.
@@ -78,7 +78,7 @@ def kept(directory: Path) -> dict[str, Any]:
 
 
 def times(directory: Path) -> dict[str, Any]:
-    """Of an evaluation on a quiet machine: times by policy."""
+    """Times by policy, from an evaluation on a quiet machine."""
     summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
     return {
         "command": summary["command"],
@@ -122,8 +122,8 @@ def _table(rows: Sequence[Mapping[str, Any]], timed: Mapping[str, Any]) -> str:
 
 
 def _percent(share: float) -> str:
-    told = f"{100.0 * share:.1f}"
-    return "100" if told == "100.0" and share == 1.0 else "99.9+" if told == "100.0" else told
+    text = f"{100.0 * share:.1f}"
+    return "100" if text == "100.0" and share == 1.0 else "99.9+" if text == "100.0" else text
 
 
 def _gap(gap: float | None) -> str:
@@ -150,7 +150,7 @@ def _folded(command: str) -> str:
 
 
 def main() -> None:
-    """Keep what evaluations came to, or show the tables of what is kept."""
+    """Keep the entries of evaluations that the tables need, or show the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     commands = parser.add_subparsers(dest="command", required=True)
     keep = commands.add_parser("keep", help="what the tables need of these results")

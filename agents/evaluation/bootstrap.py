@@ -1,4 +1,4 @@
-"""How much statistics would differ on other fields and seeds: the bootstrap."""
+"""The bootstrap: intervals of statistics over fields and policy seeds."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from agents.flights.metrics import CONFIDENCE, Interval
 from ferguson_gym.runtime.arrays import Array
 
 RESAMPLES = 1000
-"""Of a bootstrap; its intervals are percentiles."""
+"""Number of resamples; intervals are percentiles of them."""
 _AT_ONCE = 1_000_000
-"""Numbers held at once, so that memory does not grow with the number of flights."""
+"""Greatest number of values in memory, so that it does not grow with the number of flights."""
 
 
 def draws(
@@ -23,8 +23,8 @@ def draws(
     """How often each field and each seed is drawn: (m, fields) and (m, seeds), in portions.
 
     Fields and seeds are drawn independently of each other, and a flight counts as often as
-    its field times its seed. So a policy that does the same with all seeds gets the interval
-    that one seed would give.
+    its field times its seed. A policy whose flights do not depend on the seed thus gets the
+    interval that one seed would give.
 
     Reference:
         Owen (2007), The pigeonhole bootstrap, Annals of Applied Statistics 1.
@@ -48,8 +48,8 @@ def resampled_means(values: Array, seed: int) -> Array:
     All tables are resampled alike, so that differences between them are paired.
 
     Args:
-        values: (k, fields, seeds); NaN where there is none, which does not count.
-        seed: of the draws.
+        values: (k, fields, seeds); NaN where missing, which does not count.
+        seed: Of the draws.
     """
     count, fields, seeds = values.shape
     present = ~np.isnan(values)
@@ -62,7 +62,7 @@ def resampled_means(values: Array, seed: int) -> Array:
         sums = (by_field @ flat).reshape(len(by_field), -1, seeds)
         totals = np.einsum("bks,bs->bk", sums, by_seed)
         weights = totals[:, count:] if len(tables) > 1 else np.array(fields * seeds)
-        with np.errstate(invalid="ignore"):  # a draw may hold none of a table's values
+        with np.errstate(invalid="ignore"):  # a resample may miss all of a table's values
             means.append(totals[:, :count] / weights)
     return np.concatenate(means)
 
@@ -71,8 +71,8 @@ def resampled_quartile_means(values: Array, seed: int) -> Array:
     """Interquartile means over resampled fields and seeds, (RESAMPLES,).
 
     Args:
-        values: (fields, seeds), may be infinite; NaN where there is none, which does not count.
-        seed: of the draws.
+        values: (fields, seeds), may be infinite; NaN where missing, which does not count.
+        seed: Of the draws.
     """
     field, which = np.nonzero(~np.isnan(values))
     flat = values[field, which]
@@ -99,7 +99,7 @@ def resampled_quartile_means(values: Array, seed: int) -> Array:
 
 
 def percentiles(drawn: Array, fields: int) -> Interval | None:
-    """The middle of resampled values; None for a single field, which tells of no other."""
+    """The central interval of resampled values; None for a single field."""
     drawn = drawn[~np.isnan(drawn)]
     if fields < 2 or not len(drawn):
         return None

@@ -1,4 +1,4 @@
-"""How results were made: versions, commit, machine, and the files of models."""
+"""Provenance of results: versions, commit, machine, and the files of models."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ LIBRARIES = (
     "pygmo",
     "networkx",
 )
-"""What flights depend on."""
+"""Libraries that flights depend on."""
 
 
 @cache
@@ -40,18 +40,18 @@ def _versions() -> str:
 
 
 def versions() -> dict[str, str]:
-    """Of Python and the libraries that flights depend on."""
+    """Versions of Python and of the libraries that flights depend on."""
     found: dict[str, str] = json.loads(_versions())
     return found
 
 
 def software() -> dict[str, Any]:
-    """What else than the request decides on flights."""
+    """Versions and commit, on which flights depend beside the request."""
     return {"versions": versions(), "commit": provenance.commit()}
 
 
 def facts() -> dict[str, Any]:
-    """Of this machine."""
+    """Processor, platform, cores and threads of this machine."""
     known = provenance.facts()
     return {
         "processor": known["processor"],
@@ -62,7 +62,7 @@ def facts() -> dict[str, Any]:
 
 
 def models(policy: str) -> dict[str, str]:
-    """SHA-256 of the files of every model that a policy flies with, by path; none for planners."""
+    """SHA-256 of the files of a policy's models, by path; empty for planners."""
     return {
         str(file): hashlib.sha256(file.read_bytes()).hexdigest()
         for agent in PolicySpec.parse(policy).agents
@@ -73,7 +73,7 @@ def models(policy: str) -> dict[str, str]:
 
 
 def stopped_by_clock(policy: str) -> bool:
-    """Whether a policy's planner searches for a time, so that its flights do not repeat."""
+    """Whether a planner stops after some seconds, so that flights do not repeat exactly."""
     spec = PolicySpec.parse(policy)
     if not spec.is_planner:
         return False
@@ -82,7 +82,7 @@ def stopped_by_clock(policy: str) -> bool:
 
 
 def hash_field(field: Field) -> str:
-    """SHA-256 of what a field holds."""
+    """SHA-256 of a field's arrays and obstacles."""
     found = hashlib.sha256()
     for array in (field.start, field.goal, field.bounds, field.departure):
         found.update(array.tobytes())

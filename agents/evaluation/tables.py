@@ -183,7 +183,7 @@ def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
     table = empty_table(
         "The paper's fields (reconstructed), in brackets its Table I",
         "policy, field",
-        "arrived",
+        "success",
         "segments",
         "func. eval.",
         "length [m]",
