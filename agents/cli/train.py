@@ -120,7 +120,7 @@ def prepare(options: argparse.Namespace) -> Job:
     """
     name = options.algorithm
     algorithm = ALGORITHMS[name]
-    shipped_agents.require_libraries("training", "tensorboard", "yaml", *algorithm.needs)
+    shipped_agents.require_libraries("training", "tensorboard", "yaml")
     check_directory(options.out)
     if options.demos is not None and not algorithm.demos:
         able = ", ".join(one for one, kind in ALGORITHMS.items() if kind.demos)
@@ -131,7 +131,7 @@ def prepare(options: argparse.Namespace) -> Job:
     run = Run(
         algorithm=name,
         directory=options.out,
-        recipe=read(options.config or name, algorithm.keys),
+        hyperparameters=read(options.config or name, algorithm.keys),
         seed=options.seed,
         steps=options.steps,
         minutes=options.minutes,

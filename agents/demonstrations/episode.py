@@ -1,4 +1,4 @@
-"""One demonstration: a flight in the environment, with every transition of it."""
+"""One demonstration: a flight in the environment with all of its transitions."""
 
 from __future__ import annotations
 
@@ -26,10 +26,10 @@ class Episode:
     """A flight of n segments."""
 
     field: str
-    """By name."""
+    """Name of the field."""
     outcome: Outcome
     observations: Mapping[str, NDArray[np.float32]]
-    """(n + 1, size) by entry."""
+    """Entries (n + 1, size)."""
     actions: Action
     """(n, 4)."""
     rewards: Array
@@ -39,34 +39,34 @@ class Episode:
     truncations: NDArray[np.bool_]
     """(n,)."""
     infos: Mapping[str, NDArray[Any]]
-    """(n + 1,) by key, the first as reset gave it."""
+    """(n + 1,) by key; the first is from the reset."""
 
 
 def make_environment(arguments: Mapping[str, Any]) -> gym.Env[Observation, Action]:
-    """The environment that flights are recorded in.
+    """Make the environment that flights are recorded in.
 
     Raises:
-        TypeError, ValueError: arguments that it does not know or that make no sense.
+        TypeError, ValueError: unknown or invalid arguments.
     """
     return gym.make(ferguson_gym.ENVIRONMENT_ID, **arguments)
 
 
 def seed_of(field: str) -> int | None:
-    """The seed that a field of a suite was drawn from; None for the paper's."""
+    """The seed of a field of a suite by its name; None for a field of the paper."""
     family, _, number = field.partition(":")
     return int(number) if "/" in family else None
 
 
 def record(env: gym.Env[Observation, Action], field: str, policy: Policy) -> Episode:
-    """Fly a policy, with seed 0, through a field to the end, or until it gives up."""
+    """Fly a policy with seed 0 through a field, to the end or until the policy gives up."""
     observation, info = env.reset(seed=seed_of(field), options={"field": field})
-    inside: Any = env.unwrapped
-    policy.begin(inside.field, 0)
-    seen, told = [observation], [info]
+    unwrapped: Any = env.unwrapped
+    policy.begin(unwrapped.field, 0)
+    observations, infos = [observation], [info]
     actions, rewards, terminations, truncations = [], [], [], []
     outcome = Outcome.FLYING
     while outcome is Outcome.FLYING:
-        action = policy.act(observation, inside.state)
+        action = policy.act(observation, unwrapped.state)
         if action is None:
             outcome = Outcome.GAVE_UP
             break
@@ -76,44 +76,46 @@ def record(env: gym.Env[Observation, Action], field: str, policy: Policy) -> Epi
         rewards.append(reward)
         terminations.append(terminated)
         truncations.append(truncated)
-        seen.append(observation)
-        told.append(info)
+        observations.append(observation)
+        infos.append(info)
     return Episode(
         field=field,
         outcome=outcome,
-        observations={key: np.stack([entries[key] for entries in seen]) for key in seen[0]},
+        observations={
+            key: np.stack([entries[key] for entries in observations]) for key in observation
+        },
         actions=np.array(actions, np.float32).reshape(-1, 4),
         rewards=np.array(rewards, np.float64),
         terminations=np.array(terminations, np.bool_),
         truncations=np.array(truncations, np.bool_),
-        infos={key: np.array([entries[key] for entries in told]) for key in INFOS},
+        infos={key: np.array([entries[key] for entries in infos]) for key in INFOS},
     )
 
 
 def replay(env: gym.Env[Observation, Action], field: str, actions: Action) -> Episode:
-    """Fly recorded actions (n, 4) again; those behind the end of the flight are left over."""
+    """Fly recorded actions (n, 4) through a field; the flight may end before they do."""
     return record(env, field, _Recorded(actions))
 
 
 @dataclass(slots=True)
 class _Recorded:
-    """FlightTable actions as a policy."""
+    """A policy that repeats recorded actions."""
 
     actions: Action
     done: int = 0
 
     def begin(self, field: Field, seed: int) -> None:
-        """Start with the first action, whatever the field."""
+        """Restart with the first action."""
         self.done = 0
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
-        """The next action; None behind the last."""
+        """The next action; None after the last."""
         self.done += 1
         return self.actions[self.done - 1] if self.done <= len(self.actions) else None
 
 
 def pack(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
-    """Episodes as arrays by name, one after the other, without objects in them."""
+    """Concatenate episodes into arrays by name; none of them holds Python objects."""
     steps = [len(episode.actions) for episode in episodes]
     packed: dict[str, NDArray[Any]] = {
         "field": np.array([episode.field for episode in episodes], np.str_),

@@ -1,4 +1,4 @@
-"""Demonstrations as a Minari dataset in HDF5: its place, and writing it whole.
+"""Demonstrations as a Minari dataset in HDF5: its location, and how it is written atomically.
 
 Reference:
     Younis et al. (2024), Minari, https://minari.farama.org.
@@ -24,34 +24,34 @@ from ferguson_gym.runtime.optional_dependencies import installing
 
 _ID = re.compile(r"(?P<namespace>(?:[a-z0-9_][\w-]+/)*)[a-z0-9_][\w-]*-v[0-9]+", re.ASCII | re.I)
 _BATCH = 500
-"""Episodes that are written at a time, and held in memory."""
+"""Episodes that are held in memory and written at a time."""
 
 
 def require_minari() -> None:
-    """See that Minari and h5py are there, without importing them.
+    """Check that Minari and h5py are installed, without importing them.
 
     Raises:
-        ValueError: they are not.
+        ValueError: one is missing.
     """
     if any(importlib.util.find_spec(module) is None for module in ("minari", "h5py")):
         raise ValueError(f"demonstrations need Minari: {installing('demos')}")
 
 
 def minari() -> Any:
-    """The library.
+    """Import Minari.
 
     Raises:
-        ValueError: it is not installed.
+        ValueError: Minari is not installed.
     """
     require_minari()
     return importlib.import_module("minari")
 
 
 def namespace_of(dataset_id: str) -> str:
-    """The namespace that a dataset's id begins with; empty if with none.
+    """The namespace of a dataset's id; empty if it has none.
 
     Raises:
-        ValueError: an id that is not of the form.
+        ValueError: a malformed id.
     """
     match = _ID.fullmatch(dataset_id)
     if match is None:
@@ -63,10 +63,10 @@ def namespace_of(dataset_id: str) -> str:
 
 
 def place_of(dataset_id: str) -> Path:
-    """Where a dataset of this id lies, or would: below `MINARI_DATASETS_PATH`, if that is set.
+    """The directory of a dataset, whether it exists or not; below `MINARI_DATASETS_PATH` if set.
 
     Raises:
-        ValueError: a malformed id, or no Minari.
+        ValueError: a malformed id, or Minari is not installed.
     """
     namespace_of(dataset_id)
     require_minari()
@@ -74,48 +74,51 @@ def place_of(dataset_id: str) -> Path:
 
 
 def _datasets_root() -> Path:
-    """As Minari finds it, which makes the directory when asked: not for input that is refused."""
+    """The root of Minari's datasets; Minari's own function would create it."""
     given = os.environ.get("MINARI_DATASETS_PATH")
     return Path.home() / ".minari" / "datasets" if given is None else Path(given)
 
 
 def local_ids() -> list[str]:
-    """Ids of the datasets that are there."""
+    """Ids of the datasets on this machine."""
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of datasets that lie in a wrong place
+        warnings.simplefilter("ignore")  # about datasets in a wrong location
         return list(minari().list_local_datasets())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Label:
-    """What describes a dataset as a whole."""
+    """Metadata of a dataset."""
 
     dataset_id: str
     expert: str
     arguments: Mapping[str, Any]
-    """Of the environment."""
+    """Arguments of the environment."""
     description: str
     random_return: float
     """Mean return of random actions: the score 0."""
     expert_return: float
     """Mean return of the demonstrations: the score 1."""
     random_flights: int
-    """Of random actions, in their mean."""
+    """Number of flights in the mean return of random actions."""
     more: Mapping[str, Any]
-    """Kept under `demonstrations` in the metadata; values that JSON has."""
+    """Further metadata under the key `demonstrations`, as JSON values."""
 
 
 def write(label: Label, episodes: Iterable[Episode], staging: Path, fresh: bool) -> Iterator[int]:
-    """Write a dataset beside its place and move it there; yields the number of episodes written.
+    """Write a dataset in a staging directory and move it to its location.
 
     Args:
-        label: of the dataset.
+        label: metadata of the dataset.
         episodes: at least one.
-        staging: an empty directory on the same disk as the dataset's place.
-        fresh: whether a dataset of this id is replaced.
+        staging: an empty directory on the same disk as the dataset's location.
+        fresh: whether to replace a dataset of this id.
+
+    Yields:
+        The number of episodes written, batch by batch.
 
     Raises:
-        FileExistsError: there is a dataset of this id, and it is not replaced.
+        FileExistsError: a dataset of this id exists and `fresh` is false.
     """
     place = place_of(label.dataset_id)
     with _datasets_below(staging):
@@ -129,7 +132,7 @@ def write(label: Label, episodes: Iterable[Episode], staging: Path, fresh: bool)
         assert dataset is not None
         dataset.storage.update_metadata({"demonstrations": dict(label.more)})
         written = place_of(label.dataset_id)
-    _know_namespace(namespace_of(label.dataset_id))
+    _register_namespace(namespace_of(label.dataset_id))
     place.parent.mkdir(parents=True, exist_ok=True)
     if place.exists():
         if not fresh:
@@ -142,7 +145,7 @@ def write(label: Label, episodes: Iterable[Episode], staging: Path, fresh: bool)
 def _create(label: Label, batch: list[Any]) -> Any:
     env = make_environment(label.arguments)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # of an author, and others that it has not
+        warnings.simplefilter("ignore", UserWarning)  # about an author and other missing metadata
         return minari().create_dataset_from_buffers(
             dataset_id=label.dataset_id,
             buffer=batch,
@@ -178,7 +181,7 @@ def _batched(values: Iterable[Any], size: int) -> Iterator[list[Any]]:
 
 @contextmanager
 def _datasets_below(root: Path) -> Iterator[None]:
-    """Minari takes the place of its datasets from the environment only."""
+    """Make Minari write below a directory; only an environment variable tells it where."""
     before = os.environ.get("MINARI_DATASETS_PATH")
     shutil.rmtree(root, ignore_errors=True)
     root.mkdir(parents=True)
@@ -192,7 +195,7 @@ def _datasets_below(root: Path) -> Iterator[None]:
             os.environ["MINARI_DATASETS_PATH"] = before
 
 
-def _know_namespace(namespace: str) -> None:
+def _register_namespace(namespace: str) -> None:
     spaces: Any = importlib.import_module("minari.namespace")
     if namespace and namespace not in spaces.list_local_namespaces():
         spaces.create_namespace(namespace)

@@ -1,4 +1,4 @@
-"""Reading demonstrations: whose they are, through which fields, and the actions flown."""
+"""Reading demonstrations: the expert, the fields, and the actions of each flight."""
 
 from __future__ import annotations
 
@@ -21,66 +21,66 @@ from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
 
 _SAME = 1e-6
-"""By which flown length [m] and rewards may differ between machines."""
+"""Tolerance of path lengths [m] and rewards, which differ between machines by rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Demonstrations:
-    """Flights of an expert, one after the other.
+    """Flights of an expert.
 
-    The actions are all that is needed: flown again through the same fields, they give every state
-    and, with whatever settings, every observation.
+    Actions and fields suffice: a replay returns every state, and every observation in any settings
+    of the environment.
     """
 
     dataset_id: str
     expert: str
-    """The name of a policy, with its options."""
+    """Name of the planner, with its options."""
     fields: tuple[str, ...]
-    """Names, one a flight."""
+    """Names of the fields, one for each flight."""
     actions: Action
     """(steps of all flights, 4)."""
     offsets: NDArray[np.int64]
     """(flights + 1,) flight i flew `actions[offsets[i] : offsets[i + 1]]`."""
     environment: Mapping[str, Any]
-    """Arguments of the environment that they were recorded in."""
+    """Arguments of the environment that the flights were recorded in."""
     metadata: Mapping[str, Any]
-    """Other metadata of the dataset."""
+    """All metadata of the dataset."""
 
     def __len__(self) -> int:
         return len(self.fields)
 
     def flight(self, i: int) -> Action:
-        """Actions (n, 4) of a flight."""
+        """Actions (n, 4) of flight i."""
         return self.actions[self.offsets[i] : self.offsets[i + 1]]
 
 
 def read(dataset_id: str) -> Demonstrations:
-    """Read a dataset that `ferguson demos` wrote, and see that it belongs to this environment.
+    """Read a dataset written by `ferguson demos`, and check that it belongs to this environment.
 
-    Its first and its last flight are flown again, and must be what was recorded.
+    Its first and its last flight are replayed and compared with what was recorded.
 
     Raises:
-        ValueError: a malformed or unknown id, a dataset of another environment or of another
-            version of it, a damaged one, or no Minari.
+        ValueError: a malformed or unknown id, a damaged dataset, one of another environment or of
+            another version of this one, or Minari is not installed.
     """
     place = place_of(dataset_id)
     if not (place / "data").is_dir():
         known = ", ".join(local_ids()) or "none"
-        raise ValueError(f"no dataset {dataset_id} at {place}; datasets that are there: {known}")
-    with _sound(dataset_id):
+        raise ValueError(f"no dataset {dataset_id} at {place}; existing datasets: {known}")
+    with _damage_as_value_error(dataset_id):
         _check_sizes(place / "data" / "main_data.hdf5")
         dataset = minari().load_dataset(dataset_id)
         metadata: dict[str, Any] = dict(dataset.storage.metadata)
         spec = dataset.env_spec
-    told = metadata.get("demonstrations")
-    if told is None or spec is None or spec.id != ferguson_gym.ENVIRONMENT_ID:
+    recorded = metadata.get("demonstrations")
+    if recorded is None or spec is None or spec.id != ferguson_gym.ENVIRONMENT_ID:
         whose = "without an environment" if spec is None else f"of {spec.id}"
         raise ValueError(
-            f"dataset {dataset_id} is {whose}{' and not by ferguson demos' * (told is None)}; need "
-            f"demonstrations in {ferguson_gym.ENVIRONMENT_ID}, written by ferguson demos"
+            f"dataset {dataset_id} is {whose}{' and not by ferguson demos' * (recorded is None)}; "
+            f"need demonstrations in {ferguson_gym.ENVIRONMENT_ID}, written by ferguson demos"
         )
-    with _sound(dataset_id):
-        expert, flights = str(told["expert"]), told["flights"]
+    with _damage_as_value_error(dataset_id):
+        expert, flights = str(recorded["expert"]), recorded["flights"]
         fields = tuple(
             str(note["options"]["field"])
             for note in dataset.storage.get_episode_metadata(dataset.episode_indices)
@@ -110,10 +110,10 @@ def read(dataset_id: str) -> Demonstrations:
 
 
 def _check_sizes(path: Path) -> None:
-    """Refuse arrays that claim to be larger than their file, before memory is asked for them.
+    """Refuse arrays that claim to be larger than their file, before memory is allocated.
 
     Raises:
-        ValueError: there is one.
+        ValueError: an array is too large.
     """
     h5py: Any = importlib.import_module("h5py")
     most = path.stat().st_size
@@ -127,8 +127,8 @@ def _check_sizes(path: Path) -> None:
 
 
 @contextmanager
-def _sound(dataset_id: str) -> Iterator[None]:
-    """Whatever error a damaged file makes of the libraries that read it is a ValueError."""
+def _damage_as_value_error(dataset_id: str) -> Iterator[None]:
+    """Report every error of the libraries that read a damaged file as a ValueError."""
     try:
         yield
     except Exception as error:
@@ -139,10 +139,10 @@ def _sound(dataset_id: str) -> Iterator[None]:
 
 
 def _check(dataset_id: str, env: gym.Env[Observation, Action], field: str, recorded: Any) -> None:
-    """Fly a recorded episode again.
+    """Replay a recorded episode.
 
     Raises:
-        ValueError: it is another flight now.
+        ValueError: the replay differs from what was recorded.
     """
     try:
         again = replay(env, field, np.asarray(recorded.actions, np.float32))
@@ -152,10 +152,10 @@ def _check(dataset_id: str, env: gym.Env[Observation, Action], field: str, recor
             and np.allclose(again.rewards, recorded.rewards, atol=_SAME)
             and np.allclose(again.infos["path_length"], recorded.infos["path_length"], atol=_SAME)
         )
-    except Exception:  # a field that this environment does not know, or whatever damage makes
+    except Exception:  # an unknown field, or one of many errors on damaged data
         same = False
     if not same:
         raise ValueError(
-            f"dataset {dataset_id} was recorded with another version of the environment: its "
-            f"flight through {field} is another one now; write it again with ferguson demos"
+            f"dataset {dataset_id} was recorded with another version of the environment: the "
+            f"replay of its flight through {field} differs; write it again with ferguson demos"
         )

@@ -1,4 +1,4 @@
-"""`ferguson demos`: fly an expert, count what failed, and write the rest as a dataset."""
+"""Recording demonstrations: fly an expert, count failed flights, and write the others."""
 
 from __future__ import annotations
 
@@ -23,29 +23,29 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.transition import State
 
 RANDOM_FLIGHTS = 100
-"""Of random actions, most, whose mean return is the score 0."""
+"""Limit of flights with random actions, whose mean return is the score 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tally:
-    """What came of an expert's flights."""
+    """Results of an expert's flights."""
 
     flights: int
-    """That succeeded."""
+    """Number of successful flights."""
     steps: int
-    """Of these."""
+    """Number of their steps."""
     mean_return: float
-    """Of these; NaN without any."""
+    """Mean of their returns; NaN if there are none."""
     failed: dict[str, str]
-    """Outcomes' labels by field, of those that did not."""
+    """Outcomes of failed flights by field, as labels."""
 
     def as_json(self) -> dict[str, Any]:
-        """Values that JSON has; null where there is no mean."""
+        """JSON values; the mean is null if there are no flights."""
         mean = None if math.isnan(self.mean_return) else self.mean_return
         return {**asdict(self), "mean_return": mean}
 
     def sentence(self) -> str:
-        """For people."""
+        """A summary in words."""
         text = f"{self.flights} flights, {self.steps} steps"
         counts = Counter(self.failed.values())
         reasons = ", ".join(f"{count} {label}" for label, count in sorted(counts.items()))
@@ -53,7 +53,7 @@ class Tally:
 
 
 def work_place(place: Path) -> Path:
-    """The work directory beside a dataset's place; hidden, so that nobody takes it for one."""
+    """The work directory beside a dataset; hidden, so that it is not mistaken for a dataset."""
     return place.with_name(f".{place.name}.part")
 
 
@@ -65,20 +65,20 @@ def make(
     fresh: bool = False,
     terminal: Terminal | None = None,
 ) -> Tally:
-    """Fly what is missing, then write the dataset.
+    """Fly the missing demonstrations, then write the dataset.
 
     Args:
-        request: which demonstrations.
-        dataset_id: of the dataset.
-        place: where it will lie, as `demonstrations_minari.place_of` says.
-        workers: processes.
-        fresh: whether to replace a dataset of this id, and another request's unfinished work.
-        terminal: that shows how far it is.
+        request: expert, fields and environment.
+        dataset_id: id of the dataset.
+        place: its directory, from `minari_store.place_of`.
+        workers: number of processes.
+        fresh: whether to replace a dataset of this id and unfinished work of another request.
+        terminal: shows progress.
 
     Raises:
-        ValueError: another request's work is in the way.
-        OSError: a worker died, or the disk refuses; what is flown is kept.
-        KeyboardInterrupt: what is flown is kept.
+        ValueError: the work directory holds another request's work.
+        OSError: a worker died or the disk failed; finished chunks are kept.
+        KeyboardInterrupt: finished chunks are kept.
     """
     store = work.open_store(work_place(place), request)
     if fresh:
@@ -101,7 +101,7 @@ def make(
 
 
 def _clear(store: ChunkStore) -> None:
-    """Remove what is not this request's work; its own would be flown alike again."""
+    """Remove the work of another request; that of the same one would be the same again."""
     try:
         store.holds_work()
     except ValueError:
@@ -109,12 +109,12 @@ def _clear(store: ChunkStore) -> None:
 
 
 def _fields_in(request: Request, missing: list[int]) -> int:
-    """Fields of the chunks that are not missing."""
+    """Number of fields in finished chunks."""
     return len(request.fields) - sum(len(request.chunk(number)) for number in missing)
 
 
 def count(store: ChunkStore) -> Tally:
-    """What came of the flights in a work directory where none is missing."""
+    """Tally the flights of a work directory in which no chunk is missing."""
     returns: list[float] = []
     steps, failed = 0, {}
     for episode in work.flown(store):
@@ -143,22 +143,22 @@ def _label(request: Request, dataset_id: str, tally: Tally) -> dataset.Label:
 
 
 def random_return(arguments: dict[str, Any], fields: list[str]) -> float:
-    """Mean return of actions drawn uniformly, one flight through each field."""
+    """Mean return of uniformly random actions, one flight through each field."""
     env, policy = make_environment(arguments), _Random()
     return float(np.mean([record(env, name, policy).rewards.sum() for name in fields]))
 
 
 @dataclass(slots=True)
 class _Random:
-    """Draws actions, others in each flight."""
+    """A policy of uniformly random actions, different in each flight."""
 
     flights: itertools.count[int] = field(default_factory=itertools.count)
     stream: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def begin(self, field: Field, seed: int) -> None:
-        """Start with a stream of the flight's own."""
+        """Seed the stream of this flight."""
         self.stream = np.random.default_rng([seed, next(self.flights)])
 
     def act(self, observation: Observation, vehicle: State) -> Action:
-        """Any action."""
+        """A random action."""
         return self.stream.uniform(-1.0, 1.0, 4).astype(np.float32)

@@ -1,4 +1,4 @@
-"""Flying demonstrations in parallel, chunk by chunk, so that an interruption loses little."""
+"""Flying demonstrations in parallel and in chunks, so that an interruption loses little work."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import family
 
 CHUNK = 10
-"""Fields in a file; those of unfinished files are flown again after an interruption."""
+"""Fields in a chunk; an unfinished chunk is flown again after an interruption."""
 MOST = 1_000_000
-"""Fields of one data set."""
+"""Limit of fields in a dataset."""
 LIBRARIES = ("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp")
-"""What flights depend on."""
+"""Libraries that flights depend on."""
 
 
 def _software() -> dict[str, Any]:
@@ -39,21 +39,21 @@ def _software() -> dict[str, Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class Request:
-    """Which demonstrations are wanted: they are a function of it.
+    """Everything that determines demonstrations.
 
     Raises:
-        ValueError: a specification of fields that is unknown, names files, or names a field for
-            the second time; too many fields.
+        ValueError: a specification of fields that is unknown, names files, or repeats a field; too
+            many fields.
     """
 
     expert: str
-    """The name of a policy, with its options."""
+    """Name of a planner, with its options."""
     specs: tuple[str, ...]
-    """Of the fields, as the catalog understands them."""
+    """Fields by name, see `ferguson_gym.world.field_names`."""
     arguments: Mapping[str, Any]
-    """Of the environment."""
+    """Arguments of the environment."""
     software: Mapping[str, Any] = field(default_factory=_software)
-    """Versions and commit, which may change the expert's flights."""
+    """Versions of libraries and commit, which the expert's flights may depend on."""
 
     def __post_init__(self) -> None:
         families = [family(spec) for spec in self.specs]
@@ -70,7 +70,7 @@ class Request:
 
     @cached_property
     def environment(self) -> dict[str, Any]:
-        """Arguments of the environment: the fields' suite and split, where they have one."""
+        """Arguments of the environment, with the fields' suite and split if they share one."""
         families = {name.partition(":")[0] for name in self.fields}
         suite, _, split = families.pop().partition("/")
         own = {"suite": suite, "split": split} if not families and split else {}
@@ -82,11 +82,11 @@ class Request:
         return -(-len(self.fields) // CHUNK)
 
     def chunk(self, number: int) -> list[str]:
-        """The fields of a chunk."""
+        """Names of the fields of a chunk."""
         return self.fields[number * CHUNK : (number + 1) * CHUNK]
 
     def as_json(self) -> dict[str, Any]:
-        """What makes it this request, as values that JSON has."""
+        """What identifies the request, as JSON values."""
         return {
             "expert": self.expert,
             "fields": list(self.specs),
@@ -96,15 +96,18 @@ class Request:
 
 
 def open_store(place: Path, request: Request) -> ChunkStore:
-    """The chunks of a request in a work directory."""
+    """The chunk store of a request in a work directory."""
     return ChunkStore(place=place, request=request.as_json(), number=request.chunks)
 
 
 def fly(store: ChunkStore, request: Request, missing: Iterable[int], workers: int) -> Iterator[int]:
-    """Fly the missing chunks; yields the number of fields of each that is done.
+    """Fly the missing chunks.
+
+    Yields:
+        The number of fields of each finished chunk.
 
     Raises:
-        WorkerDiedError: a worker died; what is finished is kept.
+        WorkerDiedError: a worker died; finished chunks are kept.
     """
     arguments = json.dumps(request.environment, sort_keys=True)
     calls = (
@@ -116,7 +119,7 @@ def fly(store: ChunkStore, request: Request, missing: Iterable[int], workers: in
 
 
 def flown(store: ChunkStore) -> Iterator[Episode]:
-    """The episodes of all fields in order, when no chunk is missing; failed ones, too.
+    """The episodes of all fields in order, failed ones included; no chunk may be missing.
 
     Raises:
         OSError: a chunk cannot be read.
@@ -132,7 +135,7 @@ def _fly_chunk(
     store: ChunkStore,
     number: int,
 ) -> int:
-    """Fly some fields and write their chunk: what a worker process is handed."""
+    """Fly some fields and write their chunk, in a worker process."""
     if store.file(number).exists():
         return len(fields)
     compile_kernels()
@@ -151,7 +154,7 @@ def _fly_chunk(
 
 @cache
 def _policy(name: str) -> Policy:
-    """One for all of a process: it flies one field after the other."""
+    """The policy of this process, which flies one field after the other."""
     return make_policy(name)
 
 

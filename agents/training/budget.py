@@ -1,4 +1,4 @@
-"""How far a training is: steps and time."""
+"""The budget of a training in steps and time, and schedules that follow it."""
 
 from __future__ import annotations
 
@@ -6,49 +6,58 @@ import time
 from dataclasses import dataclass
 
 STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C again: at once\n"
-"""What Ctrl-C answers in a training."""
+"""Notice when Ctrl-C is pressed in a training."""
 
 
 class TrainingBudget:
-    """Steps and seconds of a training, those of earlier sittings among them."""
+    """Steps and seconds of a training, including those before it was resumed.
+
+    Args:
+        max_steps: None: no limit.
+        max_minutes: None: no limit.
+        steps: taken before.
+        seconds: spent before.
+    """
 
     def __init__(
-        self, most_steps: int | None, most_minutes: float | None, steps: int = 0, seconds: float = 0
+        self, max_steps: int | None, max_minutes: float | None, steps: int = 0, seconds: float = 0
     ) -> None:
         self.steps = steps
-        """So far; the trainer keeps it up to date."""
-        self._most_steps, self._most_minutes = most_steps, most_minutes
+        """Steps taken so far; the trainer keeps it up to date."""
+        self._max_steps, self._max_minutes = max_steps, max_minutes
         self.start(seconds)
 
     def start(self, seconds: float) -> None:
-        """Let the time go on from so many seconds."""
+        """Start the clock at this number of seconds."""
         self._began = time.monotonic() - seconds
 
     @property
     def seconds(self) -> float:
-        """So far."""
+        """Time spent so far [s]."""
         return time.monotonic() - self._began
 
     @property
     def done(self) -> float:
-        """Part of the training that is over, 0 to 1; by whichever limit comes first."""
-        by_steps = self.steps / self._most_steps if self._most_steps else 0.0
-        by_time = self.seconds / (60.0 * self._most_minutes) if self._most_minutes else 0.0
+        """Share of the budget that is used, in [0, 1], by the limit that comes first."""
+        by_steps = self.steps / self._max_steps if self._max_steps else 0.0
+        by_time = self.seconds / (60.0 * self._max_minutes) if self._max_minutes else 0.0
         return min(max(by_steps, by_time), 1.0)
 
     @property
     def time_is_up(self) -> bool:
         """Whether the limit of time is reached."""
-        return self._most_minutes is not None and self.seconds >= 60.0 * self._most_minutes
+        return self._max_minutes is not None and self.seconds >= 60.0 * self._max_minutes
 
 
 @dataclass(frozen=True, slots=True)
 class LinearSchedule:
-    """A schedule of Stable-Baselines3: from a value to 0, in step with the training."""
+    """A value that decreases linearly with the budget; a schedule of Stable-Baselines3."""
 
     value: float
-    pace: TrainingBudget
+    budget: TrainingBudget
+    least: float = 0.0
+    """Share of the value that is left at the end; 1 keeps it constant."""
 
-    def __call__(self, _: float) -> float:
-        """The value now; the library's own count knows no limit of time."""
-        return self.value * (1.0 - self.pace.done)
+    def __call__(self, _: float = 1.0) -> float:
+        """The value now; the library's own measure of progress knows no limit of time."""
+        return self.value * max(1.0 - self.budget.done, self.least)

@@ -1,10 +1,10 @@
-"""Checkpoints of Stable-Baselines3 algorithms: whole or not there, and read without unpickling.
+"""Checkpoints of Stable-Baselines3 algorithms, written atomically and read without unpickling.
 
-Each is a directory named by its steps, moved into place when it is complete, and only then the
-one before it is removed. It holds all networks with their optimizers (`model.zip`), what was
-counted (`state.json`) and, off policy, the replay buffer (`buffer.npz`). Flights under way and
-streams of random numbers are not in it: a training that goes on begins new flights, with streams
-seeded by the run's seed and the steps so far.
+A checkpoint is a directory named by its number of steps. It is moved into place when it is
+complete; the one before it is removed after that. It holds all networks with their optimizers
+(`model.zip`), counters (`state.json`) and, off policy, the replay buffer (`buffer.npz`). Unfinished
+flights and streams of random numbers are not stored: a training that resumes starts new flights,
+with streams seeded by the run's seed and the steps so far.
 """
 
 from __future__ import annotations
@@ -23,6 +23,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file, recursive_setattr
 
+from agents.runtime.safe_npz import reason
+
 _MODEL, _STATE, _BUFFER = "model.zip", "state.json", "buffer.npz"
 _UNFINISHED = ".writing-"
 _FUNCTIONS = ("learning_rate", "lr_schedule", "clip_range", "clip_range_vf")
@@ -30,17 +32,17 @@ _FUNCTIONS = ("learning_rate", "lr_schedule", "clip_range", "clip_range_vf")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """How far a training was."""
+    """Counters of a training."""
 
     steps: int
     seconds: float
     updates: int
-    """Of the networks."""
+    """Updates of the networks."""
     episodes: int
 
 
 def write(directory: Path, model: BaseAlgorithm, seconds: float) -> None:
-    """Write a checkpoint into a directory of them, in place of those before."""
+    """Write a checkpoint into a directory of checkpoints and remove the earlier ones."""
     directory.mkdir(parents=True, exist_ok=True)
     counts = Counts(
         steps=model.num_timesteps,
@@ -55,7 +57,7 @@ def write(directory: Path, model: BaseAlgorithm, seconds: float) -> None:
         if (buffer := getattr(model, "replay_buffer", None)) is not None:
             np.savez(temporary / _BUFFER, **_arrays(buffer))  # type: ignore[arg-type]
         place = directory / str(counts.steps)
-        if place.exists():  # of the same steps, so nothing is lost
+        if place.exists():  # after the same number of steps, so nothing is lost
             shutil.rmtree(place)
         temporary.rename(place)
     finally:
@@ -66,16 +68,16 @@ def write(directory: Path, model: BaseAlgorithm, seconds: float) -> None:
 
 
 def latest(directory: Path) -> Path | None:
-    """The checkpoint in a directory of them; None if there is none."""
+    """The latest checkpoint in a directory of checkpoints; None if there is none."""
     whole = [place for place in _entries(directory) if place.name.isdecimal()]
     return max(whole, key=lambda place: int(place.name), default=None)
 
 
 def counts_of(checkpoint: Path) -> Counts:
-    """What a checkpoint has counted.
+    """The counters of a checkpoint.
 
     Raises:
-        ValueError: it is damaged.
+        ValueError: the checkpoint is damaged.
     """
     try:
         counts = Counts(**json.loads((checkpoint / _STATE).read_text(encoding="utf-8")))
@@ -84,19 +86,19 @@ def counts_of(checkpoint: Path) -> Counts:
             if type(number) not in kinds or not 0 <= number < 2**63:
                 raise ValueError(f"{key} {number!r}")
     except (OSError, ValueError, TypeError, RecursionError) as error:
-        raise _damaged(checkpoint, error) from None
+        raise damaged(checkpoint, error) from None
     return counts
 
 
 def restore(checkpoint: Path, model: BaseAlgorithm) -> None:
-    """Give a new algorithm of the same hyperparameters what a checkpoint holds.
+    """Load a checkpoint into a new algorithm with the same hyperparameters.
 
     Raises:
-        ValueError: it is damaged, or of other networks.
+        ValueError: the checkpoint is damaged, or of other networks.
     """
     counts = counts_of(checkpoint)
     try:
-        # the attributes, which are pickled, stay unread; of the rest only weights are taken
+        # pickled attributes are not read, only weights are
         _, networks, variables = load_from_zip_file(
             checkpoint / _MODEL, device="cpu", load_data=False
         )
@@ -106,16 +108,16 @@ def restore(checkpoint: Path, model: BaseAlgorithm) -> None:
                 recursive_setattr(model, f"{name}.data", value.data)
         if (buffer := getattr(model, "replay_buffer", None)) is not None:
             _fill(buffer, checkpoint / _BUFFER)
-    except Exception as error:  # of whatever the libraries make of a damaged file
-        raise _damaged(checkpoint, error) from None
+    except Exception as error:  # the libraries raise errors of many types on a damaged file
+        raise damaged(checkpoint, error) from None
     model.num_timesteps = counts.steps
     model._n_updates, model._episode_num = counts.updates, counts.episodes
 
 
-def _damaged(checkpoint: Path, error: Exception) -> ValueError:
+def damaged(checkpoint: Path, error: Exception) -> ValueError:
+    """The error that a checkpoint which cannot be read is reported with."""
     return ValueError(
-        f"the checkpoint {checkpoint} cannot be read ({' '.join(str(error).split())[:120]}); "
-        "--fresh starts over"
+        f"the checkpoint {checkpoint} cannot be read ({reason(error)}); --fresh starts over"
     )
 
 
@@ -124,7 +126,7 @@ def _entries(directory: Path) -> Iterator[Path]:
 
 
 def _arrays(buffer: Any) -> dict[str, NDArray[Any]]:
-    """The rows of a replay buffer that are filled, and how many those are."""
+    """The filled rows of a replay buffer, and the counters that say which they are."""
     rows = slice(buffer.buffer_size if buffer.full else buffer.pos)
     arrays = {name: getattr(buffer, name)[rows] for name in ("actions", "rewards", "dones")}
     arrays["timeouts"] = buffer.timeouts[rows]
@@ -136,7 +138,7 @@ def _arrays(buffer: Any) -> dict[str, NDArray[Any]]:
 
 
 def _fill(buffer: Any, path: Path) -> None:
-    """Put saved rows back; the inverse of `_arrays`."""
+    """Load saved rows into a replay buffer; the inverse of `_arrays`."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as saved:
             for name in saved.files:

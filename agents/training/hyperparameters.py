@@ -2,7 +2,7 @@
 
 The only top-level key is the environment's id; below it stand `n_envs`, `n_timesteps`, `eval_freq`,
 `policy`, `policy_kwargs`, `env_kwargs`, and the algorithm's own arguments. Values are plain YAML;
-`lin_X` is a number that falls from X to 0 over the training.
+`lin_X` is a number that decreases linearly from X to 0 over the training.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from agents.runtime.safe_npz import reason
 from ferguson_gym import ENVIRONMENT_ID
 
 SHIPPED = Path(__file__).parent / "configs"
-"""Files that come with the package, `ALGORITHM.yml` the default of each algorithm."""
+"""Directory of the shipped files; `ALGORITHM.yml` is the default of each algorithm."""
 _COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
 _LINEAR = "lin_"
 _LARGEST = 100_000
@@ -31,9 +31,9 @@ class Hyperparameters:
     """Hyperparameters of a training."""
 
     n_envs: int
-    """Flights that are in the air together."""
+    """Environments that are stepped together."""
     n_timesteps: int
-    """Segments flown in all, where no other limit is given."""
+    """Total number of segments flown, if no other limit is given."""
     eval_freq: int
     """Segments between two evaluations."""
     policy: str
@@ -42,18 +42,18 @@ class Hyperparameters:
     env_kwargs: dict[str, Any]
     """Arguments of the environment."""
     learner: dict[str, Any]
-    """The algorithm's own; numbers, words, or `lin_X`."""
+    """The algorithm's own arguments: numbers, words, or `lin_X`."""
 
 
 def read(given: str, known: Collection[str]) -> Hyperparameters:
-    """The recipe of a file, or of a shipped one by its name.
+    """Read hyperparameters from a file, or shipped ones by their name.
 
     Args:
         given: path of a YAML file, or a name in `agents/training/configs`, for example ppo.
-        known: the algorithm's own keys; any other is refused.
+        known: the algorithm's own keys; others are refused.
 
     Raises:
-        ValueError: no such file, not YAML, unknown or missing keys, values of another kind.
+        ValueError: no such file, not YAML, unknown or missing keys, or values of a wrong type.
     """
     import yaml
 
@@ -61,7 +61,7 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
     path = shipped if shipped.is_file() else Path(given)
     try:
         text = path.read_bytes()
-    except (OSError, ValueError):  # no such file, or no name of one
+    except (OSError, ValueError):  # no such file, or not a valid name
         names = ", ".join(sorted(file.stem for file in SHIPPED.glob("*.yml")))
         raise ValueError(f"no hyperparameters at {given}: need a YAML file, or {names}") from None
     try:
@@ -103,7 +103,7 @@ def slope(value: object) -> float | None:
     """The X of `lin_X`; None for any other value.
 
     Raises:
-        ValueError: an X that is no number.
+        ValueError: X is not a number.
     """
     if not isinstance(value, str) or not value.startswith(_LINEAR):
         return None
@@ -129,7 +129,7 @@ def _mapping(key: str, value: object) -> dict[str, Any]:
 
 
 def _plain(key: str, value: object) -> Any:
-    """A value of JSON; `1e-3`, a word to YAML 1.1, as the number that is meant."""
+    """A JSON value; `1e-3`, which YAML 1.1 reads as a word, becomes a number."""
     if isinstance(value, list):
         return [_plain(key, entry) for entry in value]
     if isinstance(value, dict):

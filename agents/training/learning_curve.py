@@ -1,4 +1,4 @@
-"""What a training leaves behind: its curve, the best model so far, the final one with its card."""
+"""The results of a training: learning curve, best model so far, and final model with its card."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from agents.models.torch_model import TorchModel
 from agents.runtime import provenance
 from agents.runtime.csv_files import write_csv
 from agents.runtime.interrupts import defer_interrupt
+from agents.runtime.safe_npz import reason
 from agents.training.run import Run
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world.field_names import get_fields
@@ -30,12 +31,12 @@ _PACKAGES = ("ferguson-gym", "numpy", "torch", "stable-baselines3", "sb3-contrib
 
 
 def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: Any) -> ModelCard:
-    """The card of a run's models, before anything is known of them.
+    """The card of a run's models, without results.
 
     Args:
-        run: whose.
+        run: the training.
         policy: name of the network.
-        policy_kwargs: as YAML has them.
+        policy_kwargs: arguments of the network, as YAML has them.
         environment: arguments of the environment.
     """
     return ModelCard(
@@ -50,14 +51,19 @@ def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: A
     )
 
 
-class Record:
-    """Of one run; it goes on with what its directory holds."""
+class TrainingRecord:
+    """The learning curve and the best model of a run, kept in its directory."""
 
     def __init__(self, run: Run, card: ModelCard, steps: int = 0) -> None:
-        """A run that goes on after so many steps forgets what came after them.
+        """Read what the directory holds.
+
+        Args:
+            run: with the directory.
+            card: of the run's models.
+            steps: of the checkpoint that the run resumes from; later evaluations are dropped.
 
         Raises:
-            ValueError: what the directory holds is damaged.
+            ValueError: a file in the directory is damaged.
         """
         self._run, self._card = run, card
         self._best = run.directory / "best"
@@ -69,20 +75,15 @@ class Record:
             try:
                 self.best = float(known.results["chosen_on"]["spl"])
             except (KeyError, TypeError, ValueError):
-                raise ValueError(
-                    f"{self._best / CARD} does not say what it reaches; --fresh starts over"
-                ) from None
+                raise ValueError(f"{self._best / CARD} holds no SPL; --fresh starts over") from None
 
-    def consider(
-        self, model: BaseAlgorithm, steps: int, seconds: float, also: dict[str, float] | None = None
-    ) -> Score:
-        """Fly a model through the fields by which the best is chosen, and keep it if it is.
+    def evaluate(self, model: BaseAlgorithm, steps: int, seconds: float) -> Score:
+        """Evaluate a model on the validation fields, and keep it if it is the best so far.
 
         Args:
             model: as it is now.
-            steps: segments flown so far, or any other count that grows.
-            seconds: since the training began, breaks left out.
-            also: what else belongs into the curve.
+            steps: segments flown so far, or another counter of progress.
+            seconds: time of training so far [s].
         """
         found = score(
             fly_batch(TorchModel(model.policy, self._card).model, get_fields(self._run.chosen_on))
@@ -93,26 +94,27 @@ class Record:
             "success": found.success,
             "spl": found.spl,
             "gap": found.gap,
-            **(also or {}),
         }
         self.curve.append(row)
         if self.best is None or found.spl >= self.best:
-            results = {"chosen_on": _told(self._run.chosen_on, found)}
+            results = {"chosen_on": _format_results(self._run.chosen_on, found)}
             self._best.mkdir(parents=True, exist_ok=True)
             card = dataclasses.replace(self._card, curve=self.curve, results=results)
             torch_model.save(self._best, model, card)
             self.best = found.spl
-        columns = list(dict.fromkeys([*_COLUMNS, *(key for row in self.curve for key in row)]))
-        write_csv(self._run.directory / CURVE, columns, _cells(self.curve, columns))
-        self._run.terminal.note(line(row))
+        write_csv(self._run.directory / CURVE, _COLUMNS, _cells(self.curve))
+        self._run.terminal.note(format_row(row))
         return found
 
     def finish(self) -> ModelCard:
-        """Fly the best model through the fields that are reported, and make it the final one."""
+        """Evaluate the best model on the fields of the report, and make it the final model."""
         best = loading.load(self._best)
         with defer_interrupt():
             found = score(fly_batch(best, get_fields(self._run.reported_on)))
-        results = {**best.card.results, "reported_on": _told(self._run.reported_on, found)}
+        results = {
+            **best.card.results,
+            "reported_on": _format_results(self._run.reported_on, found),
+        }
         card = dataclasses.replace(best.card, curve=self.curve, results=results)
         directory = self._run.directory
         with atomic_write(directory / MODEL) as temporary:
@@ -128,8 +130,8 @@ class Record:
         return card
 
 
-def line(row: dict[str, Any]) -> str:
-    """A row of the curve for people."""
+def format_row(row: dict[str, Any]) -> str:
+    """A row of the learning curve as a line of text."""
     gap = "" if row["gap"] is None else f"   gap {row['gap']:6.2%}"
     return (
         f"{row['steps']:>12,} steps {row['minutes']:7.1f} min   "
@@ -137,12 +139,12 @@ def line(row: dict[str, Any]) -> str:
     )
 
 
-def _told(fields: str, found: Score) -> dict[str, Any]:
+def _format_results(fields: str, found: Score) -> dict[str, Any]:
     return {"fields": fields, **dataclasses.asdict(found)}
 
 
-def _cells(curve: Sequence[dict[str, Any]], columns: Sequence[str]) -> list[list[object]]:
-    return [["" if row.get(key) is None else repr(row[key]) for key in columns] for row in curve]
+def _cells(curve: Sequence[dict[str, Any]]) -> list[list[object]]:
+    return [["" if row.get(key) is None else repr(row[key]) for key in _COLUMNS] for row in curve]
 
 
 def _read_curve(path: Path) -> list[dict[str, Any]]:
@@ -152,12 +154,11 @@ def _read_curve(path: Path) -> list[dict[str, Any]]:
         with path.open(newline="", encoding="utf-8") as file:
             return [_row(row) for row in csv.DictReader(file, strict=True)]
     except (csv.Error, KeyError, TypeError, ValueError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise ValueError(f"{path} is damaged ({reason}); --fresh starts over") from None
+        raise ValueError(f"{path} is damaged ({reason(error)}); --fresh starts over") from None
 
 
 def _row(cells: dict[str, str]) -> dict[str, Any]:
-    """Of a table that has a column of steps."""
+    """A row of the learning curve from its cells; empty ones are None."""
     steps = int(cells["steps"])
     rest = {key: None if text == "" else float(text) for key, text in cells.items()}
     return rest | {"steps": steps}

@@ -1,4 +1,4 @@
-"""Training by name: what a run is, which algorithms there are, and where a run left off."""
+"""Runs of training: their configuration, the algorithms by name, and the files they write."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import importlib
 import json
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol, cast
 
@@ -15,13 +15,14 @@ from agents.runtime.chunk_store import refuse_other
 from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from agents.training.hyperparameters import Hyperparameters
+from agents.training.imitation.options import ImitationOptions
 from ferguson_gym.runtime.atomic_files import atomic_write
 
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
-"""Fields by which the best model is chosen, and on which its results are reported."""
+"""Fields on which the best model is chosen, and fields on which it is reported."""
 _CONFIGURATION = "run.json"
 _DONE = "model.json"
-OWN = (
+FILES = (
     _CONFIGURATION,
     "model.zip",
     _DONE,
@@ -30,45 +31,45 @@ OWN = (
     "checkpoint",
     "tensorboard",
 )
-"""What a run writes into its directory."""
+"""Names of what a run writes into its directory."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
-    """What is to be trained, and where."""
+    """Configuration of a training and its directory."""
 
     algorithm: str
     directory: Path
-    recipe: Hyperparameters
+    hyperparameters: Hyperparameters
     seed: int = 0
     steps: int | None = None
-    """Segments flown at most; None: no limit if there is one of time, else the recipe's."""
+    """Limit of segments flown; None: no limit if time is limited, else `n_timesteps`."""
     minutes: float | None = None
-    """Time at most, breaks left out."""
+    """Limit of time, summed over interruptions."""
     start: Path | None = None
-    """A model whose network and weights the training begins with."""
+    """Model whose network and weights the training starts from."""
     demos: str | None = None
-    """Id of a dataset of demonstrations."""
+    """Id of a Minari dataset of demonstrations."""
     chosen_on: str = CHOSEN_ON
     reported_on: str = REPORTED_ON
     workers: int = 1
-    """Processes, where work is split; changes no result."""
+    """Number of worker processes; does not change the result."""
     threads: int = 1
-    """Threads of torch and of the environment."""
+    """Number of threads of PyTorch and of the environment."""
     fresh: bool = False
-    """Whether to start over, whatever the directory holds."""
+    """Whether to remove an earlier run in the directory."""
     terminal: Terminal = field(default_factory=Terminal)
-    """That shows how far it is."""
+    """Shows progress."""
 
     @property
     def most_steps(self) -> int | None:
-        """Segments flown at most; None if only time limits them."""
+        """Limit of segments flown; None if only time is limited."""
         if self.steps is None and self.minutes is None:
-            return self.recipe.n_timesteps
+            return self.hyperparameters.n_timesteps
         return self.steps
 
     def configuration(self) -> dict[str, Any]:
-        """What makes it this run and no other: JSON values."""
+        """What identifies the run, as JSON values."""
         start = None
         if self.start is not None:
             weights = (self.start / "model.zip").read_bytes()
@@ -85,40 +86,39 @@ class Run:
             "demos": self.demos,
             "chosen_on": self.chosen_on,
             "reported_on": self.reported_on,
-            "hyperparameters": asdict(self.recipe),
+            "hyperparameters": asdict(self.hyperparameters),
         }
 
 
 class Trainer(Protocol):
-    """A module that trains; it is imported when its algorithm is asked for."""
+    """A module that trains; it is imported when one of its algorithms is used."""
 
     def prepare(self, run: Run) -> Job:
-        """Check all that can be checked, and return what trains.
+        """Check a run and return the job that trains.
 
-        The job goes on from the run's checkpoint if there is one;
-        `agents.training.learning_curve.Record` keeps the curve and the best model and writes the
-        final one. Interrupted, it writes a checkpoint and raises KeyboardInterrupt.
+        The job resumes from the run's checkpoint if there is one.
+        `agents.training.learning_curve.TrainingRecord` keeps the learning curve and the best model,
+        and writes the final one. An interrupted job writes a checkpoint and raises
+        KeyboardInterrupt.
 
         Raises:
-            ValueError: what the run asks for makes no sense; nothing is written then.
+            ValueError: an invalid run; then nothing is written.
         """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Algorithm:
-    """How an algorithm's trainer is found, and which options it takes."""
+    """Where an algorithm's trainer is, and its hyperparameters."""
 
     module: str
-    """Of the trainer."""
+    """Module of the trainer."""
     keys: frozenset[str]
-    """Of the recipe, beside those that all have."""
+    """Names of the algorithm's own hyperparameters."""
     demos: bool = False
     """Whether it can use demonstrations."""
-    needs: tuple[str, ...] = field(default=())
-    """Modules that must be installed, beside those of all agents."""
 
     def trainer(self) -> Trainer:
-        """The trainer."""
+        """Import the trainer."""
         return cast(Trainer, importlib.import_module(self.module))
 
 
@@ -130,12 +130,7 @@ _OFF_POLICY = frozenset(
 )
 _SOFT = _OFF_POLICY | {"ent_coef", "target_update_interval", "target_entropy"}
 _SB3, _IMITATION = "agents.training.sb3", "agents.training.imitation.trainer"
-_TAUGHT = frozenset(
-    {
-        *("expert", "scattered", "first", "updates", "batch_size", "learning_rate"),
-        *("hard", "violation"),
-    }
-)
+_OPTIONS = frozenset(option.name for option in fields(ImitationOptions))
 ALGORITHMS: Mapping[str, Algorithm] = {
     "ppo": Algorithm(
         module=_SB3,
@@ -154,17 +149,17 @@ ALGORITHMS: Mapping[str, Algorithm] = {
         demos=True,
     ),
     "tqc": Algorithm(module=_SB3, keys=_SOFT | {"top_quantiles_to_drop_per_net"}, demos=True),
-    "bc": Algorithm(module=_IMITATION, keys=_TAUGHT, demos=True),
-    "dagger": Algorithm(module=_IMITATION, keys=_TAUGHT, demos=True),
+    "bc": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
+    "dagger": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
 }
-"""By name, as the command line has them."""
+"""Algorithms by their name on the command line."""
 
 
 def can_resume(run: Run) -> bool:
-    """Whether the directory holds this very run, unfinished or finished, and it is to be resumed.
+    """Whether the directory holds this run, unfinished or finished, and `fresh` is not set.
 
     Raises:
-        ValueError: it holds something else; or another run, which is not to be removed.
+        ValueError: the directory holds other files, or another run and `fresh` is not set.
     """
     place = run.directory / _CONFIGURATION
     if run.fresh and place.is_file():
@@ -192,23 +187,23 @@ def finished(run: Run) -> bool:
 
 
 def begin(run: Run) -> None:
-    """Make the run's directory and say in it what the run is."""
+    """Create the run's directory and write its configuration."""
     run.directory.mkdir(parents=True, exist_ok=True)
     with atomic_write(run.directory / _CONFIGURATION) as temporary:
         temporary.write_text(json.dumps(run.configuration(), indent=1) + "\n", encoding="utf-8")
 
 
 def delete_run(directory: Path) -> None:
-    """Remove what a run has written, and nothing else.
+    """Remove the files of a run and no others.
 
     Raises:
-        ValueError: the directory holds files, and none of them says that a run wrote them.
+        ValueError: the directory holds files but no configuration of a run.
     """
     if not directory.is_dir() or not any(directory.iterdir()):
         return
     if not (directory / _CONFIGURATION).is_file():
         raise ValueError(f"--out {directory} holds other files; choose a new directory")
-    for name in reversed(OWN):  # last of all what says that it is a run
+    for name in reversed(FILES):  # last, the file that marks the directory as a run
         place = directory / name
         if place.is_dir():
             shutil.rmtree(place)

@@ -18,6 +18,7 @@ from stable_baselines3.common.logger import configure
 from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import VecMonitor
 
+from agents.demonstrations import reading
 from agents.models import networks, torch_model
 from agents.models.architecture import ON_POLICY
 from agents.models.model_card import ModelCard, check_environment
@@ -29,45 +30,45 @@ from agents.training import run as training
 from agents.training.budget import STOPPING, LinearSchedule, TrainingBudget
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
-from agents.training.learning_curve import Record, card_of
+from agents.training.learning_curve import TrainingRecord, card_of
 from agents.training.run import Run
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.world.field_names import get_fields
 
 CHECKPOINT_SECONDS = 300.0
-"""Between checkpoints; one more is written when a training stops."""
+"""Time between checkpoints [s]; one more is written when a training stops."""
 _ENDLESS = 10**15
-"""Steps of a training that only time limits."""
+"""Limit of steps if only time is limited."""
 _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
-"""After so many the library logs: on policy it counts rollouts, off policy episodes."""
+"""Logging interval of the library, which counts rollouts on policy and episodes off policy."""
 _LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
 _NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
 _CRITIC_ALONE = "critic_alone"
-"""Key of PPO's recipe that its library does not know: steps in which the critic alone learns."""
+"""Key of PPO that its library does not have: steps in which only the critic is trained."""
 _CRITIC = ("mlp_extractor.value_net", "value_net")
 _VIEW = ("observation", "nearest", "focus", "rays", "view")
-"""Arguments of the environment that say what a network sees."""
+"""Arguments of the environment that determine the observation."""
 
 
 def prepare(run: Run) -> Job:
-    """See `agents.training.run.Trainer`."""
+    """Check a run and return the job that trains; see `agents.training.run.Trainer`."""
     start = None if run.start is None else starting_model(run)
     card = card_for(run, start)
-    demos = None if run.demos is None else demonstration_data.read(run.demos)
+    demos = None if run.demos is None else reading.read(run.demos)
     for spec in (run.chosen_on, run.reported_on):
         get_fields(spec)
     place = run.directory / "checkpoint"
     checkpoint = None if run.fresh else training_checkpoint.latest(place)
     counts = None if checkpoint is None else training_checkpoint.counts_of(checkpoint)
     steps, seconds = (0, 0.0) if counts is None else (counts.steps, counts.seconds)
-    pace = TrainingBudget(run.most_steps, run.minutes, steps, seconds)
+    budget = TrainingBudget(run.most_steps, run.minutes, steps, seconds)
     numba.set_num_threads(min(run.threads, numba.get_num_threads()))
     torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
-    model = _learner(run, card, pace)
+    model = _learner(run, card, budget)
     known = None
     if checkpoint is not None:
         training_checkpoint.restore(checkpoint, model)
-        known = Record(run, card, steps)
+        known = TrainingRecord(run, card, steps)
     else:
         if start is not None:
             model.policy.load_state_dict(start.policy.state_dict())
@@ -76,11 +77,11 @@ def prepare(run: Run) -> Job:
 
     def job() -> int:
         if known is None:
-            training.delete_run(run.directory)  # what came before a first checkpoint is of no use
+            training.delete_run(run.directory)  # without a checkpoint nothing can resume
             training.begin(run)
-        record = known or Record(run, card)
-        pace.start(seconds)
-        _learn(run, model, record, pace)
+        record = known or TrainingRecord(run, card)
+        budget.start(seconds)
+        _learn(run, model, record, budget)
         record.finish()
         shutil.rmtree(place)
         return DONE
@@ -89,48 +90,50 @@ def prepare(run: Run) -> Job:
 
 
 def starting_model(run: Run) -> TorchModel:
-    """The model that a run begins with.
+    """Load the model that a run starts from.
 
     Raises:
-        ValueError: there is none, or this algorithm has no use for it.
+        ValueError: it cannot be loaded, or the algorithm has other networks.
     """
     assert run.start is not None
     start = torch_model.load(run.start)
     theirs, mine = start.card.algorithm, run.algorithm
     if theirs != mine and not {theirs, mine} <= set(ON_POLICY):
-        raise ValueError(f"--from {run.start}: {mine} cannot go on with a model of {theirs}")
+        raise ValueError(f"--from {run.start}: {mine} cannot start from a model of {theirs}")
     return start
 
 
 def card_for(run: Run, start: TorchModel | None) -> ModelCard:
-    """The card of the run's models; what it begins with decides on the network and what it sees.
+    """The card of a run's models; network and observation are those of the model it starts from.
 
     Raises:
-        ValueError: no network, or no environment, can be made of it.
+        ValueError: invalid arguments of the network or of the environment.
     """
-    recipe = run.recipe
-    environment = dict(recipe.env_kwargs)
-    policy, policy_kwargs = recipe.policy, recipe.policy_kwargs
+    given = run.hyperparameters
+    environment = dict(given.env_kwargs)
+    policy, policy_kwargs = given.policy, given.policy_kwargs
     if start is not None:
         policy, policy_kwargs = start.card.policy, start.card.policy_kwargs
-        seen = {key: start.card.environment[key] for key in _VIEW if key in start.card.environment}
-        environment = {key: environment[key] for key in environment if key not in _VIEW} | seen
+        view = {key: start.card.environment[key] for key in _VIEW if key in start.card.environment}
+        environment = {key: environment[key] for key in environment if key not in _VIEW} | view
     check_environment(environment, "env_kwargs: ")
     card = card_of(run, policy, policy_kwargs, environment)
     torch_model.build(card)
     return card
 
 
-def _learner(run: Run, card: ModelCard, pace: TrainingBudget) -> BaseAlgorithm:
-    """The algorithm, with weights drawn at random.
+def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm:
+    """The algorithm with random weights.
 
     Raises:
-        ValueError: hyperparameters that it refuses.
+        ValueError: hyperparameters that the library refuses.
     """
-    # a sitting's own: one that goes on does not repeat what was drawn before
-    seed = int(np.random.SeedSequence((run.seed, pace.steps)).generate_state(1)[0])
-    envs = VecMonitor(ObstacleFieldVecEnv(run.recipe.n_envs, **card.environment))
-    arguments = {key: _scheduled(value, pace) for key, value in run.recipe.learner.items()}
+    # depends on the steps, so that a training that resumes does not repeat its random numbers
+    seed = int(np.random.SeedSequence((run.seed, budget.steps)).generate_state(1)[0])
+    envs = VecMonitor(ObstacleFieldVecEnv(run.hyperparameters.n_envs, **card.environment))
+    arguments = {
+        key: _scheduled(value, budget) for key, value in run.hyperparameters.learner.items()
+    }
     arguments.pop(_CRITIC_ALONE, None)
     kind = _LEARNERS[run.algorithm]
     if (noise := _noise(arguments)) is not None:
@@ -147,19 +150,19 @@ def _learner(run: Run, card: ModelCard, pace: TrainingBudget) -> BaseAlgorithm:
             **arguments,
         )
     except (ValueError, TypeError, AssertionError, ZeroDivisionError, RuntimeError) as error:
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"{run.algorithm} refuses these hyperparameters: {reason}") from None
+        why = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{run.algorithm} refuses these hyperparameters: {why}") from None
 
 
-def _scheduled(value: Any, pace: TrainingBudget) -> Any:
-    return value if (top := slope(value)) is None else LinearSchedule(top, pace)
+def _scheduled(value: Any, budget: TrainingBudget) -> Any:
+    return value if (top := slope(value)) is None else LinearSchedule(top, budget)
 
 
 def _noise(arguments: dict[str, Any]) -> Any:
-    """The noise that `noise_type` and `noise_std` ask for, which it takes out of the arguments.
+    """Remove `noise_type` and `noise_std` from the arguments and make the noise they describe.
 
     Raises:
-        ValueError: an unknown type, or one without the other.
+        ValueError: an unknown type, or only one of the two.
     """
     kind, std = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
     if kind is None and std is None:
@@ -176,75 +179,80 @@ def _buffer(model: BaseAlgorithm) -> Any:
     return model.replay_buffer  # type: ignore[attr-defined]
 
 
-def _learn(run: Run, model: BaseAlgorithm, record: Record, pace: TrainingBudget) -> None:
-    """Train until a limit is reached, and keep a checkpoint.
+def _learn(run: Run, model: BaseAlgorithm, record: TrainingRecord, budget: TrainingBudget) -> None:
+    """Train until a limit is reached, and write a checkpoint.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C; the checkpoint is written.
+        KeyboardInterrupt: Ctrl-C; the checkpoint is written before.
     """
     model.set_logger(configure(str(run.directory / "tensorboard"), ["tensorboard"]))
     most, checkpoint = run.most_steps, run.directory / "checkpoint"
     with defer_interrupt(STOPPING) as interrupt, run.terminal.share_bar() as bar:
-        watch = _Watch(run, record, pace, interrupt, bar)
+        callback = _TrainingCallback(run, record, budget, interrupt, bar)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
-        if left > 0 and not pace.time_is_up:
+        if left > 0 and not budget.time_is_up:
             every = _LOGGED_ROLLOUTS if run.algorithm == "ppo" else _LOGGED_EPISODES
-            model.learn(left, callback=watch, log_interval=every, reset_num_timesteps=False)
+            model.learn(left, callback=callback, log_interval=every, reset_num_timesteps=False)
         model.logger.close()
         evaluated = record.curve[-1]["steps"] if record.curve else -1
         if not interrupt.pressed and evaluated < model.num_timesteps:
-            record.consider(model, model.num_timesteps, pace.seconds)
-        training_checkpoint.write(checkpoint, model, pace.seconds)
+            record.evaluate(model, model.num_timesteps, budget.seconds)
+        training_checkpoint.write(checkpoint, model, budget.seconds)
 
 
-class _Watch(BaseCallback):
-    """Looks on: evaluates, writes checkpoints, moves the bar, stops when it is time.
+class _TrainingCallback(BaseCallback):
+    """Evaluates, writes checkpoints, updates the progress bar, and stops at the limit of time.
 
-    Evaluations and checkpoints happen between an update and the next flights, when the networks
-    are as they will be if the training goes on from there.
+    Evaluations and checkpoints happen between an update and the next rollout, so that a training
+    that resumes has the same networks.
     """
 
     def __init__(
-        self, run: Run, record: Record, pace: TrainingBudget, interrupt: Interrupt, bar: Progress
+        self,
+        run: Run,
+        record: TrainingRecord,
+        budget: TrainingBudget,
+        interrupt: Interrupt,
+        bar: Progress,
     ) -> None:
         super().__init__()
-        self._run, self._record, self._pace = run, record, pace
+        self._run, self._record, self._budget = run, record, budget
         self._interrupt, self._bar = interrupt, bar
-        self._critic_alone = run.recipe.learner.get(_CRITIC_ALONE, 0)
+        self._critic_alone = run.hyperparameters.learner.get(_CRITIC_ALONE, 0)
         self._task: TaskID = bar.add_task(run.algorithm, total=1.0)
-        self._written = time.monotonic()
+        self._checkpoint_time = time.monotonic()
 
     def _on_rollout_start(self) -> None:
         if self._critic_alone:
-            self._teach_critic(alone=self.model.num_timesteps < self._critic_alone)
+            self._freeze_actor(self.model.num_timesteps < self._critic_alone)
         steps, curve = self.model.num_timesteps, self._record.curve
-        if not curve or steps >= curve[-1]["steps"] + self._run.recipe.eval_freq:
-            found = self._record.consider(self.model, steps, self._pace.seconds)
+        if not curve or steps >= curve[-1]["steps"] + self._run.hyperparameters.eval_freq:
+            found = self._record.evaluate(self.model, steps, self._budget.seconds)
             for name, value in (("success", found.success), ("spl", found.spl), ("gap", found.gap)):
                 if value is not None:
                     self.logger.record(f"validation/{name}", value)
             self.logger.dump(steps)
-        if time.monotonic() - self._written >= CHECKPOINT_SECONDS:
+        if time.monotonic() - self._checkpoint_time >= CHECKPOINT_SECONDS:
             place = self._run.directory / "checkpoint"
-            training_checkpoint.write(place, self.model, self._pace.seconds)
-            self._written = time.monotonic()
+            training_checkpoint.write(place, self.model, self._budget.seconds)
+            self._checkpoint_time = time.monotonic()
 
-    def _teach_critic(self, alone: bool) -> None:
-        """Let the critic learn alone, or all networks.
+    def _freeze_actor(self, frozen: bool) -> None:
+        """Train only the critic, or all networks.
 
-        The actor of a model that was not trained by PPO knows what to do, and its critic nothing:
-        by such a critic's advice the actor would unlearn it.
+        A model from imitation has a trained actor and an untrained critic, whose advantage
+        estimates would ruin the actor.
         """
         for name, parameter in self.model.policy.named_parameters():
-            parameter.requires_grad_(not alone or name.startswith(_CRITIC))
+            parameter.requires_grad_(not frozen or name.startswith(_CRITIC))
 
     def _on_step(self) -> bool:
-        self._pace.steps = self.model.num_timesteps
+        self._budget.steps = self.model.num_timesteps
         best = self._record.best
-        words = f"{self._run.algorithm}, {self._pace.steps:,} steps"
+        text = f"{self._run.algorithm}, {self._budget.steps:,} steps"
         self._bar.update(
             self._task,
-            completed=self._pace.done,
-            description=words if best is None else f"{words}, best SPL {best:.4f}",
+            completed=self._budget.done,
+            description=text if best is None else f"{text}, best SPL {best:.4f}",
         )
-        return not (self._interrupt.pressed or self._pace.time_is_up)
+        return not (self._interrupt.pressed or self._budget.time_is_up)

@@ -1,4 +1,4 @@
-"""The vector environment as Stable-Baselines3 wants it: a `VecEnv`."""
+"""The vector environment as a `VecEnv` of Stable-Baselines3."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from ferguson_gym.spaces import as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
 
 _EACH = ("field", "state", "control", "refused")
-"""What the vector environment answers for each of its environments."""
+"""Methods of the vector environment that take the number of an environment."""
 
-Seen = NDArray[np.float32] | dict[str, NDArray[np.float32]]
+Observations = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
 
 class ObstacleFieldVecEnv(VecEnv):
     """N environments `ferguson/ObstacleField-v0` for Stable-Baselines3, stepped by compiled code.
 
-    As a `DummyVecEnv` of scalar environments with the same seeds, number for number. A flight
-    that ends is followed by the next at once: the last observation is
-    `infos[i]["terminal_observation"]`, and `infos[i]["TimeLimit.truncated"]` says whether
-    it was cut off after the last segment rather than ended.
+    Returns the same numbers as a `DummyVecEnv` of scalar environments with the same seeds. An
+    environment is reset in the step that ends its flight: the last observation is
+    `infos[i]["terminal_observation"]`, and `infos[i]["TimeLimit.truncated"]` is true for a flight
+    that was truncated after the last segment rather than terminated.
 
     Args:
         num_envs: N.
@@ -53,8 +53,8 @@ class ObstacleFieldVecEnv(VecEnv):
             self.envs.single_action_space,
         )
 
-    def reset(self) -> Seen:
-        """Start all flights; what `seed` and `set_options` have set is used up by it.
+    def reset(self) -> Observations:
+        """Start all flights, with the seeds and options set before; these apply only once.
 
         Raises:
             TypeError, ValueError: as the vector environment.
@@ -72,11 +72,11 @@ class ObstacleFieldVecEnv(VecEnv):
 
     def step_wait(
         self,
-    ) -> tuple[Seen, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+    ) -> tuple[Observations, NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """Fly one segment in each environment."""
-        seen, reward, terminated, truncated, infos = self.envs.step(self._actions)
+        observation, reward, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
-        # what a flight that ended reported, not the flight that took its place
+        # infos of the flights that ended, not of those that were started in their place
         columns = [infos[key] for key in INFOS]
         if done.any():
             begun, final = _rows(columns), infos["final_info"]
@@ -99,15 +99,15 @@ class ObstacleFieldVecEnv(VecEnv):
                 if isinstance(laid, np.ndarray)
                 else {key: value[0] for key, value in laid.items()}
             )
-        return self._laid_out(seen), reward.astype(np.float32), done, reports
+        return self._laid_out(observation), reward.astype(np.float32), done, reports
 
-    def _laid_out(self, observation: dict[str, NDArray[np.float32]]) -> Seen:
+    def _laid_out(self, observation: dict[str, NDArray[np.float32]]) -> Observations:
         if not self._flat:
             return observation
         return np.concatenate([observation[key] for key in self._keys], axis=1)
 
     def close(self) -> None:
-        """Let go of what pictures need."""
+        """Release the resources of rendering."""
         self.envs.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
@@ -129,12 +129,12 @@ class ObstacleFieldVecEnv(VecEnv):
         return [value] * len(chosen)
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: what environments are made with stays as it is.
+        """Refused, since the arguments of environments are fixed.
 
         Raises:
             AttributeError: always.
         """
-        raise AttributeError(f"{attr_name} cannot be set: make a new {type(self).__name__}")
+        raise AttributeError(f"{attr_name} cannot be set; make a new {type(self).__name__}")
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
@@ -142,17 +142,17 @@ class ObstacleFieldVecEnv(VecEnv):
         """Call a method (`field`, `state`, `control` or `refused`) for environments.
 
         Raises:
-            AttributeError: another method; there are no single environments that have it.
+            AttributeError: any other method.
         """
         if method_name not in _EACH:
             raise AttributeError(
-                f"no method {method_name!r} for each environment; there are {', '.join(_EACH)}"
+                f"no method {method_name!r} of single environments; methods are {', '.join(_EACH)}"
             )
         method = getattr(self.envs, method_name)
         return [method(i, *method_args, **method_kwargs) for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type[Any], indices: Any = None) -> list[bool]:
-        """Nothing is wrapped around single environments: there are none."""
+        """Always false: there are no single environments to wrap."""
         return [False] * len(list(self._get_indices(indices)))
 
     def _get_indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
@@ -161,6 +161,6 @@ class ObstacleFieldVecEnv(VecEnv):
 
 
 def _rows(columns: list[NDArray[Any]]) -> list[dict[str, Any]]:
-    """Each environment's info, from arrays of all."""
+    """The info of each environment, from arrays over all environments."""
     rows = zip(*(column.tolist() for column in columns), strict=True)
     return [dict(zip(INFOS, row, strict=True)) for row in rows]

@@ -305,7 +305,7 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
     asked = Run(
         algorithm=algorithm,
         directory=place / algorithm,
-        recipe=read_recipe(str(config), chosen.keys),
+        hyperparameters=read_recipe(str(config), chosen.keys),
         chosen_on="sparse/validation:0",
         reported_on="sparse/validation:0",
     )
@@ -315,14 +315,14 @@ def unfinished_training(place: Path, algorithm: str) -> tuple[Callable[[], Any],
             return None
         return chosen.trainer().prepare(asked)
 
-    from agents.training.learning_curve import Record
+    from agents.training.learning_curve import TrainingRecord
 
     with pytest.MonkeyPatch.context() as patch:
 
         def stop(*_: object) -> None:
             raise KeyboardInterrupt
 
-        patch.setattr(Record, "finish", stop)
+        patch.setattr(TrainingRecord, "finish", stop)
         with pytest.raises(KeyboardInterrupt):
             prepare()()
     return prepare, asked.directory

@@ -1,4 +1,4 @@
-"""Behaviour cloning: a policy becomes likely to do what an expert did, and unlikely to fail.
+"""Behaviour cloning: maximum likelihood of an expert's actions, with a penalty on infeasible ones.
 
 Reference:
     Pomerleau (1991), Efficient training of artificial neural networks for autonomous navigation,
@@ -18,22 +18,21 @@ from agents.training.imitation.dataset import ImitationSample
 from agents.training.imitation.mirror import mirrored
 from agents.training.imitation.violation_penalty import speed_of, violation
 
-AVERAGED = 0.005
-"""Share of the learner's weights that each update moves into those that fly."""
-_STEEPEST = 1.0
-"""Greatest norm of a gradient."""
-_DEAREST = 5.0
-"""Greatest violation [m] that has a slope: a policy that has learned nothing is no reason to
+AVERAGING = 0.005
+"""Share by which each update moves the averaged weights towards the learner's."""
+_MAX_GRADIENT_NORM = 1.0
+_MAX_VIOLATION = 5.0
+"""Violation [m] above which the penalty has no gradient: an untrained policy would otherwise
 learn nothing else."""
 
 
 class BehaviorCloning:
-    """A learner, and the average of its weights over its last updates, which is what flies.
+    """Optimiser of a learner, and the exponential average of its weights, which is evaluated.
 
     Args:
-        policy: flies; its weights are the average.
-        rate: learning rate, as a function without arguments.
-        price: of a metre of violation, in units of log-likelihood.
+        policy: gets the averaged weights; the learner starts as a copy of it.
+        rate: returns the learning rate of the next update.
+        price: weight of the violation penalty, in units of log-likelihood per metre.
     """
 
     def __init__(self, policy: ActorCriticPolicy, rate: Callable[[], float], price: float) -> None:
@@ -42,36 +41,47 @@ class BehaviorCloning:
         self._optimizer = torch.optim.Adam(self.learner.parameters(), lr=0.0)
         self.learner.set_training_mode(True)
 
-    def update(self, lesson: ImitationSample, in_the_mirror: bool) -> dict[str, float]:
-        """Learn from some lessons, as they are or in the mirror; what they cost."""
-        seen, actions, discs = lesson.seen, lesson.actions, lesson.discs
-        if in_the_mirror:
-            seen, actions = mirrored(seen, actions)
+    def update(self, batch: ImitationSample, mirror: bool) -> dict[str, float]:
+        """Take a gradient step.
+
+        Args:
+            batch: samples.
+            mirror: whether to learn from their mirror images.
+
+        Returns:
+            Mean negative log-likelihood (`unlikely`) and mean violation [m] before the step.
+        """
+        observations, actions, discs = batch.observations, batch.actions, batch.discs
+        if mirror:
+            observations, actions = mirrored(observations, actions)
             discs = discs * discs.new_tensor([1.0, -1.0, 1.0])
         for group in self._optimizer.param_groups:
             group["lr"] = self._rate()
-        distribution = self.learner.get_distribution(seen)
-        unlikely = -distribution.log_prob(actions).mean()
-        lacking = violation(
+        distribution = self.learner.get_distribution(observations)
+        likelihood_loss = -distribution.log_prob(actions).mean()
+        violations = violation(
             distribution.mode().clamp(-1.0, 1.0),
-            speed_of(seen["vehicle"][:, 4]),
+            speed_of(observations["vehicle"][:, 4]),
             discs,
-            lesson.present,
+            batch.present,
         )
-        loss = unlikely + self._price * lacking.clamp(max=_DEAREST).mean()
+        loss = likelihood_loss + self._price * violations.clamp(max=_MAX_VIOLATION).mean()
         self._optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(self.learner.parameters(), _STEEPEST)
+        torch.nn.utils.clip_grad_norm_(self.learner.parameters(), _MAX_GRADIENT_NORM)
         self._optimizer.step()
         with torch.no_grad():
-            for flying, learning in zip(
+            for average, current in zip(
                 self.policy.parameters(), self.learner.parameters(), strict=True
             ):
-                flying.lerp_(learning, AVERAGED)
-        return {"unlikely": float(unlikely.detach()), "violation": float(lacking.detach().mean())}
+                average.lerp_(current, AVERAGING)
+        return {
+            "unlikely": float(likelihood_loss.detach()),
+            "violation": float(violations.detach().mean()),
+        }
 
     def state(self) -> dict[str, Any]:
-        """All that is needed to go on, tensors and numbers."""
+        """All that is needed to resume, tensors and numbers."""
         return {
             "policy": self.policy.state_dict(),
             "learner": self.learner.state_dict(),
@@ -79,7 +89,7 @@ class BehaviorCloning:
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Go on from a `state`."""
+        """Resume from a `state`."""
         self.policy.load_state_dict(state["policy"])
         self.learner.load_state_dict(state["learner"])
         self._optimizer.load_state_dict(state["optimizer"])

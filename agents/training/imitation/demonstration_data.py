@@ -1,17 +1,17 @@
-"""Demonstrations in a replay buffer: an expert's flights, flown again as the learner sees them."""
+"""Demonstrations as training data: replayed into a replay buffer, or as labelled states."""
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import DictReplayBuffer
 
-from agents.training.imitation.dataset import COLUMNS, row
+from agents.demonstrations.reading import Demonstrations
+from agents.training.imitation.dataset import COLUMNS, labelled_row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import settings_of
@@ -22,31 +22,15 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import as_field
 
 _TOGETHER = 256
-"""Flights that are flown again at a time."""
-
-
-class Demonstrations(Protocol):
-    """Flights one after the other, as `agents.demonstrations.reading.read` gives them."""
-
-    @property
-    def fields(self) -> Sequence[str]:
-        """Names, one a flight."""
-
-    @property
-    def actions(self) -> Action:
-        """(steps of all flights, 4)."""
-
-    @property
-    def offsets(self) -> NDArray[np.int64]:
-        """(flights + 1,) flight i flew `actions[offsets[i] : offsets[i + 1]]`."""
+"""Flights that are replayed at a time."""
 
 
 class Transitions(NamedTuple):
     """N steps of flights, in no particular order."""
 
-    seen: Observation
-    """(N, size) of each entry."""
-    then: Observation
+    observations: Observation
+    """Entries (N, size)."""
+    next_observations: Observation
     actions: Action
     """(N, 4)."""
     rewards: NDArray[np.float32]
@@ -55,23 +39,11 @@ class Transitions(NamedTuple):
     truncated: NDArray[np.bool_]
 
 
-def read(dataset_id: str) -> Demonstrations:
-    """The demonstrations of a dataset.
-
-    Raises:
-        ValueError: there is none, or it is of another environment.
-    """
-    demonstrations: Demonstrations = importlib.import_module("agents.demonstrations.reading").read(
-        dataset_id
-    )
-    return demonstrations
-
-
 def transitions(flights: Demonstrations, environment: Mapping[str, Any]) -> Iterator[Transitions]:
-    """Fly demonstrations again in an environment with these arguments.
+    """Replay demonstrations in an environment with these arguments.
 
-    An action is the same whatever is seen and however it is rewarded, so the recorded ones serve
-    any of them.
+    An action encodes the same segment whatever the observation and the reward are, so recorded
+    actions serve any settings.
 
     Raises:
         ValueError: an action that the environment refuses, or a flight that ends before its
@@ -89,47 +61,47 @@ def transitions(flights: Demonstrations, environment: Mapping[str, Any]) -> Iter
             autoreset_mode=AutoresetMode.DISABLED,
             **{**environment, "fields": 1, "capacity": room},
         )
-        seen, _ = envs.reset(seed=0, options={"field": chosen})
+        observations, _ = envs.reset(seed=0, options={"field": chosen})
         starts, ends = flights.offsets[which.start : which.stop], flights.offsets[first + 1 :]
         lengths = ends[: len(which)] - starts
         for step in range(int(lengths.max(initial=0))):
             busy = lengths > step
             actions = np.zeros((len(which), 4), np.float32)
             actions[busy] = flights.actions[starts[busy] + step]
-            then, rewards, terminated, truncated, _ = envs.step(actions)
+            following, rewards, terminated, truncated, _ = envs.step(actions)
             ended = terminated | truncated
             if (early := ended & (lengths > step + 1)).any():
                 name = chosen[int(np.flatnonzero(early)[0])].name
                 raise ValueError(_ends_early(name))
             yield Transitions(
-                {key: value[busy] for key, value in seen.items()},
-                {key: value[busy] for key, value in then.items()},
+                {key: value[busy] for key, value in observations.items()},
+                {key: value[busy] for key, value in following.items()},
                 actions[busy],
                 rewards[busy].astype(np.float32),
                 terminated[busy],
                 truncated[busy],
             )
-            seen = then
+            observations = following
             if ended.any():
-                seen, _ = envs.reset(options={"reset_mask": ended, "field": chosen})
+                observations, _ = envs.reset(options={"reset_mask": ended, "field": chosen})
 
 
-def rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
-    """What demonstrations teach: the field and the lessons (n, COLUMNS) of each flight.
+def labelled_rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
+    """The field of each flight, and its states with the actions flown there as (n, COLUMNS) rows.
 
     Raises:
         ValueError: a flight that ends before its actions do.
     """
     for number, name in enumerate(flights.fields):
         field = as_field(name)
-        vehicle, told = transition.initial_state(field), []
+        vehicle, rows = transition.initial_state(field), []
         for action in flights.actions[flights.offsets[number] : flights.offsets[number + 1]]:
-            told.append(row(number, vehicle, action))
+            rows.append(labelled_row(number, vehicle, action))
             step = transition.advance(field, vehicle, action)
             if not step.flown:
                 raise ValueError(_ends_early(name))
             vehicle = step.state
-        yield field, np.array(told).reshape(-1, COLUMNS)
+        yield field, np.array(rows).reshape(-1, COLUMNS)
 
 
 def _ends_early(name: str) -> str:
@@ -140,12 +112,12 @@ def _ends_early(name: str) -> str:
 
 
 def fill(buffer: DictReplayBuffer, flights: Demonstrations, environment: Mapping[str, Any]) -> int:
-    """Put demonstrations into a replay buffer, as far as there is room; returns how many steps.
+    """Replay demonstrations into a replay buffer; returns the number of steps added.
 
-    What the learner flies itself goes on behind them, and replaces them when the buffer is full.
+    The learner's own steps follow behind them, and replace them when the buffer is full.
 
     Raises:
-        ValueError: as `transitions`; more steps than the buffer has room for.
+        ValueError: as `transitions`, or more steps than the buffer has room for.
     """
     room, width = buffer.buffer_size * buffer.n_envs, buffer.n_envs
     if len(flights.actions) > room:
@@ -155,30 +127,32 @@ def fill(buffer: DictReplayBuffer, flights: Demonstrations, environment: Mapping
         )
     parts = list(transitions(flights, environment))
     whole = Transitions(
-        _joined([part.seen for part in parts]),
-        _joined([part.then for part in parts]),
+        _concatenate([part.observations for part in parts]),
+        _concatenate([part.next_observations for part in parts]),
         np.concatenate([part.actions for part in parts]),
         np.concatenate([part.rewards for part in parts]),
         np.concatenate([part.terminated for part in parts]),
         np.concatenate([part.truncated for part in parts]),
     )
-    # rows of the buffer are as wide as there are environments: what is left over stays out
+    # a row of the buffer has one step for each environment; an incomplete last row is left out
     number = len(whole.actions) // width * width
     for first in range(0, number, width):
         rows = slice(first, first + width)
         buffer.add(
-            {key: value[rows] for key, value in whole.seen.items()},
-            {key: value[rows] for key, value in whole.then.items()},
+            {key: value[rows] for key, value in whole.observations.items()},
+            {key: value[rows] for key, value in whole.next_observations.items()},
             whole.actions[rows],
             whole.rewards[rows],
             (whole.terminated | whole.truncated)[rows],
             [
-                {"TimeLimit.truncated": bool(cut and not over)}
-                for cut, over in zip(whole.truncated[rows], whole.terminated[rows], strict=True)
+                {"TimeLimit.truncated": bool(truncated and not terminated)}
+                for truncated, terminated in zip(
+                    whole.truncated[rows], whole.terminated[rows], strict=True
+                )
             ],
         )
     return number
 
 
-def _joined(parts: Sequence[Observation]) -> Observation:
+def _concatenate(parts: Sequence[Observation]) -> Observation:
     return {key: np.concatenate([part[key] for part in parts]) for key in parts[0]}

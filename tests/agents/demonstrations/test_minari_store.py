@@ -87,7 +87,7 @@ def test_the_recovered_environment_replays_every_transition(
         assert not episode.truncations.any()
 
 
-def test_the_metadata_tell_how_it_was_made(root: Path) -> None:
+def test_the_metadata_hold_the_request_and_versions(root: Path) -> None:
     assert demos("--expert", "single-start", fields="standard/train:0-5") == 0
     dataset = minari.load_dataset(ID)
     metadata = dataset.storage.metadata
@@ -114,14 +114,14 @@ def test_the_metadata_tell_how_it_was_made(root: Path) -> None:
     assert normalized.mean() == pytest.approx(1.0)
 
 
-def test_nothing_is_left_of_the_work(root: Path) -> None:
+def test_the_work_directory_is_removed(root: Path) -> None:
     assert demos() == 0
     assert not list(root.rglob(".*"))
     assert list(minari.list_local_datasets()) == [ID]
 
 
 @pytest.mark.slow
-def test_workers_and_interruptions_change_nothing(root: Path) -> None:
+def test_workers_and_interruptions_do_not_change_the_dataset(root: Path) -> None:
     fields = "sparse/train:0-79"
     command = [sys.executable, "-m", "agents.cli.main", "demos", "--expert", "guided"]
     command += ["--fields", fields, "--out", ID]
@@ -142,9 +142,7 @@ def test_workers_and_interruptions_change_nothing(root: Path) -> None:
     assert content(ID) == content("ferguson/other-v0")
 
 
-def test_an_interruption_while_writing_is_made_up_for(
-    root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_writing_resumes_after_an_interruption(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from agents.demonstrations import minari_store
 
     def stopped(*_: Any) -> None:
@@ -159,7 +157,7 @@ def test_an_interruption_while_writing_is_made_up_for(
     assert len(content(ID)) == 4
 
 
-def test_a_dataset_that_is_there_is_refused_or_replaced(
+def test_an_existing_dataset_is_refused_or_replaced(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert demos() == 0
@@ -194,7 +192,7 @@ def test_learners_read_fields_and_actions(root: Path) -> None:
         np.testing.assert_array_equal(read_back.flight(i), episode.actions)
 
 
-def test_an_unknown_dataset_is_refused_with_those_that_are_known(root: Path) -> None:
+def test_an_unknown_dataset_is_refused_and_known_ones_are_listed(root: Path) -> None:
     with pytest.raises(ValueError, match=r"no dataset nobody-v0 at .*; datasets .*: none"):
         read("nobody-v0")
     assert demos() == 0
@@ -211,7 +209,7 @@ def edit(root: Path, key: str, value: object) -> None:
     place.write_text(json.dumps(metadata))
 
 
-def test_datasets_that_are_none_of_ours_are_refused(root: Path) -> None:
+def test_datasets_of_other_programs_are_refused(root: Path) -> None:
     assert demos() == 0
     place = root / ID / "data" / "metadata.json"
     kept = place.read_text()
@@ -260,9 +258,7 @@ def test_a_dataset_that_lost_flights_is_refused(root: Path) -> None:
         (lambda told: told.update(env_spec=told["env_spec"].replace("suite", "wind")), "wind"),
     ],
 )
-def test_a_dataset_that_does_not_say_whose_it_is_is_refused(
-    root: Path, change: Any, match: str
-) -> None:
+def test_a_dataset_without_its_expert_is_refused(root: Path, change: Any, match: str) -> None:
     assert demos() == 0
     place = root / ID / "data" / "metadata.json"
     told = json.loads(place.read_text())
@@ -272,7 +268,7 @@ def test_a_dataset_that_does_not_say_whose_it_is_is_refused(
         read(ID)
 
 
-def test_actions_that_are_none_are_refused(root: Path) -> None:
+def test_invalid_actions_are_refused(root: Path) -> None:
     assert demos() == 0
     with h5py.File(root / ID / "data" / "main_data.hdf5", "a") as file:
         file["episode_1"]["actions"][1, 2] = np.nan

@@ -60,7 +60,7 @@ def assert_same(one: Episode, other: Episode) -> None:
 
 
 @pytest.mark.parametrize("observation", ["discs", "rays"])
-def test_replayed_actions_give_every_transition_again(tmp_path: Path, observation: str) -> None:
+def test_replayed_actions_reproduce_every_transition(tmp_path: Path, observation: str) -> None:
     request = wanted("sparse/train:0-3", "paper:1", observation=observation)
     episodes = fly_all(tmp_path / "work", request)
     env = make_environment(request.environment)
@@ -100,7 +100,7 @@ def test_fields_of_several_suites_have_no_suite_in_common() -> None:
     assert "split" not in wanted("paper:1-4").environment
 
 
-def test_the_number_of_workers_changes_nothing(tmp_path: Path) -> None:
+def test_the_number_of_workers_does_not_change_the_episodes(tmp_path: Path) -> None:
     request = wanted("sparse/train:0-14")
     alone = fly_all(tmp_path / "one", request)
     together = fly_all(tmp_path / "two", request, workers=2)
@@ -109,7 +109,7 @@ def test_the_number_of_workers_changes_nothing(tmp_path: Path) -> None:
         assert_same(one, other)
 
 
-def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
+def test_a_killed_run_resumes_where_it_stopped(tmp_path: Path) -> None:
     request, place = wanted("sparse/train:0-49"), tmp_path / "work"
     program = (
         "import sys; from pathlib import Path; from agents.demonstrations import work\n"
@@ -134,7 +134,7 @@ def test_a_killed_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
         assert_same(one, other)
 
 
-def test_failed_flights_are_counted_by_what_became_of_them(tmp_path: Path) -> None:
+def test_failed_flights_are_counted_by_outcome(tmp_path: Path) -> None:
     request = wanted("standard/train:0-5", expert="single-start")
     episodes = fly_all(tmp_path, request)
     tally = making.count(work.open_store(tmp_path, request))
@@ -159,7 +159,7 @@ def test_episodes_are_packed_and_unpacked_even_those_without_a_step(tmp_path: Pa
         assert_same(one, other)
 
 
-def test_random_actions_score_below_the_expert_and_alike_each_time(tmp_path: Path) -> None:
+def test_random_actions_score_below_the_expert_and_reproducibly(tmp_path: Path) -> None:
     request = wanted()
     fly_all(tmp_path, request)
     score = making.random_return(request.environment, request.fields)
@@ -188,12 +188,12 @@ def test_the_work_of_another_request_is_refused(
     assert work.open_store(tmp_path, wanted()).begin() == [0]
 
 
-def test_a_run_stopped_before_its_first_file_is_taken_up(tmp_path: Path) -> None:
+def test_a_run_without_a_finished_chunk_resumes(tmp_path: Path) -> None:
     (tmp_path / ".writing-request").touch()
     assert work.open_store(tmp_path, wanted()).begin() == [0]
 
 
-def test_what_is_no_work_at_all_is_refused(tmp_path: Path) -> None:
+def test_a_directory_without_work_is_refused(tmp_path: Path) -> None:
     (tmp_path / "request.json").write_text("[")
     with pytest.raises(ValueError, match=r"does not say how it was made; .*start over"):
         work.open_store(tmp_path, wanted()).begin()
@@ -218,9 +218,7 @@ def test_a_damaged_chunk_is_named(tmp_path: Path) -> None:
         (("standard/train:0-1000000",), "at most 1000000 fields, not 1000001"),
     ],
 )
-def test_fields_that_make_no_demonstrations_are_refused(
-    specs: tuple[str, ...], message: str
-) -> None:
+def test_invalid_fields_are_refused(specs: tuple[str, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         wanted(*specs)
 

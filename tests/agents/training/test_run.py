@@ -1,4 +1,4 @@
-"""Training: what it leaves behind, how it goes on, and what it refuses before it starts."""
+"""Training: the files it writes, how it resumes, and invalid runs that it refuses."""
 
 import csv
 import json
@@ -16,14 +16,14 @@ pytest.importorskip("yaml")
 import yaml
 
 from agents.cli.main import main
+from agents.demonstrations import reading
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
 from agents.models import loading
 from agents.training import checkpoint as training_checkpoint
-from agents.training.budget import LinearSchedule, TrainingBudget
 from agents.training.hyperparameters import SHIPPED, read
 from agents.training.imitation import demonstration_data
-from agents.training.learning_curve import Record
+from agents.training.learning_curve import TrainingRecord
 from agents.training.run import ALGORITHMS, Run
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.field_names import get_fields
@@ -76,13 +76,13 @@ def curve_of(directory: Path) -> list[dict[str, str]]:
     [
         ("curve.csv", "steps,spl\n32,high\n", "curve.csv is damaged .*--fresh starts over"),
         ("curve.csv", "spl\n0.5\n", "curve.csv is damaged"),
-        ("best/model.json", None, "does not say what it reaches; --fresh starts over"),
+        ("best/model.json", None, "holds no SPL; --fresh starts over"),
         ("checkpoint/state.json", '{"steps": "x", "seconds": 1, "updates": 1, "episodes": 0}', "x"),
         ("checkpoint/state.json", "[" * 100_000, "cannot be read"),
         ("run.json", "[" * 100_000, "run.json is damaged; --fresh starts over"),
     ],
 )
-def test_a_training_is_not_taken_up_from_damaged_files(
+def test_a_training_does_not_resume_from_damaged_files(
     tmp_path: Path, file: str, content: str | None, match: str
 ) -> None:
     prepare, directory = unfinished_training(tmp_path, "ppo")
@@ -96,7 +96,7 @@ def test_a_training_is_not_taken_up_from_damaged_files(
 
 
 @pytest.mark.parametrize("algorithm", OF_ALGORITHM)
-def test_a_training_leaves_a_model_its_card_and_its_curve(
+def test_a_training_writes_a_model_its_card_and_its_curve(
     algorithm: str, command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(command(algorithm, "--seed", "3")) == 0
@@ -137,19 +137,19 @@ def test_the_same_seed_gives_the_same_model(command: Command, tmp_path: Path) ->
 
 def press(monkeypatch: pytest.MonkeyPatch, at: int) -> None:
     """Ctrl-C during the evaluation after so many steps."""
-    consider = Record.consider
+    evaluate = TrainingRecord.evaluate
 
-    def interrupted(self: Record, model: Any, steps: int, *others: Any) -> Any:
-        found = consider(self, model, steps, *others)
+    def interrupted(self: TrainingRecord, model: Any, steps: int, *others: Any) -> Any:
+        found = evaluate(self, model, steps, *others)
         if steps == at:
             signal.raise_signal(signal.SIGINT)
         return found
 
-    monkeypatch.setattr(Record, "consider", interrupted)
+    monkeypatch.setattr(TrainingRecord, "evaluate", interrupted)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_an_interrupted_training_goes_on(
+def test_an_interrupted_training_resumes(
     algorithm: str,
     command: Command,
     tmp_path: Path,
@@ -192,7 +192,7 @@ def test_an_interrupted_training_goes_on(
     assert loading.load(out).card.curve[-1]["steps"] >= 96
 
 
-def test_a_checkpoint_gives_back_what_was_trained(
+def test_a_checkpoint_restores_networks_and_optimizers(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     written, read_back = [], []
@@ -278,7 +278,9 @@ def test_other_files_are_never_removed(
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["thesis.tex"]
 
 
-def test_a_training_begins_with_another_model(command: Command, tmp_path: Path) -> None:
+def test_a_training_starts_from_the_weights_of_another_model(
+    command: Command, tmp_path: Path
+) -> None:
     start = saved(tmp_path / "start", seed=7)  # 9 rays, 24 x 24
     # nothing is learned, so the weights stay
     assert main(command("ppo", "--from", str(start / "model.zip"), learning_rate=0.0)) == 0
@@ -301,11 +303,11 @@ def straight_flights(tmp_path: Path) -> Any:
     return Flights()
 
 
-def test_an_off_policy_training_begins_with_demonstrations(
+def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     flights = straight_flights(tmp_path)
-    monkeypatch.setattr(demonstration_data, "read", {"far/away-v0": flights}.__getitem__)
+    monkeypatch.setattr(reading, "read", {"far/away-v0": flights}.__getitem__)
     filled = []
     fill = demonstration_data.fill
 
@@ -342,7 +344,7 @@ def test_an_off_policy_training_begins_with_demonstrations(
         (["--choose-on", "standard/moon:1"], {}, "moon"),
     ],
 )
-def test_what_makes_no_sense_is_refused_before_anything_is_written(
+def test_invalid_runs_are_refused_before_anything_is_written(
     more: list[str],
     changes: dict,
     match: str,
@@ -357,40 +359,12 @@ def test_what_makes_no_sense_is_refused_before_anything_is_written(
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(
-    ("text", "match"),
-    [
-        ("a: [", "not YAML"),
-        ("!!float ''", r"not YAML \(string index out of range\)"),
-        ("2020-99-99", r"not YAML \(month must be in 1..12\)"),
-        ("&a [*a, *a]", "need one key at the top"),
-        (
-            f"{ENVIRONMENT_ID}: {{n_envs: 1, n_timesteps: 1, eval_freq: 1, policy: mlp, "
-            "policy_kwargs: {net_arch: &a [*a, *a]}}",
-            "maximum recursion depth",
-        ),
-        ("a: 1\n" * 30_000, r"not YAML \(more than 100,000 bytes\)"),
-        ("[" * 100_000, "not YAML"),
-        ("!!python/object/apply:os.system ['true']", "not YAML"),
-        ("CartPole-v1: {}", f"need one key at the top, {ENVIRONMENT_ID}"),
-        (f"{ENVIRONMENT_ID}: 3", "need keys and values below"),
-        (f"{ENVIRONMENT_ID}: {{policy: mlp}}", "missing keys n_envs, n_timesteps, eval_freq"),
-    ],
-)
-def test_files_that_hold_no_hyperparameters_are_refused(
-    text: str, match: str, tmp_path: Path
-) -> None:
-    (tmp_path / "recipe.yml").write_text(text)
-    with pytest.raises(ValueError, match=match):
-        read(str(tmp_path / "recipe.yml"), ALGORITHMS["ppo"].keys)
-
-
-def test_models_of_another_kind_are_no_beginning(
+def test_a_model_with_other_networks_is_refused_as_a_start(
     command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     start = saved(tmp_path / "start")
     assert main(command("sac", "--from", str(start))) == 2
-    assert "sac cannot go on with a model of ppo" in capsys.readouterr().err
+    assert "sac cannot start from a model of ppo" in capsys.readouterr().err
     assert main(["train", "ppo", "--out", str(start), "--from", str(start)]) == 2
     assert "lies in --out" in capsys.readouterr().err
     assert main(["train", "luck", "--out", str(tmp_path / "out")]) == 2
@@ -401,7 +375,7 @@ def test_models_of_another_kind_are_no_beginning(
 
 
 @pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yml")), ids=lambda file: file.stem)
-def test_shipped_hyperparameters_are_taken(
+def test_shipped_hyperparameters_are_valid(
     file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     algorithm = ALGORITHMS[file.stem.partition("-")[0]]
@@ -409,19 +383,10 @@ def test_shipped_hyperparameters_are_taken(
     run = Run(
         algorithm=file.stem.partition("-")[0],
         directory=tmp_path / "out",
-        recipe=recipe,
+        hyperparameters=recipe,
         demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
     )
-    monkeypatch.setattr(demonstration_data, "read", lambda _: straight_flights(tmp_path))
+    monkeypatch.setattr(reading, "read", lambda _: straight_flights(tmp_path))
     algorithm.trainer().prepare(run)
     assert not (tmp_path / "out").exists()
     json.dumps(run.configuration())
-
-
-def test_numbers_that_fall_do_so_by_the_limit_that_comes_first() -> None:
-    by_steps, by_time = TrainingBudget(100, None, steps=25), TrainingBudget(None, 1.0, seconds=45.0)
-    assert LinearSchedule(4.0, by_steps)(0.0) == 3.0
-    assert LinearSchedule(4.0, by_time)(1.0) == pytest.approx(1.0, abs=0.1)
-    assert not by_time.time_is_up
-    assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).time_is_up
-    assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).done == 1.0

@@ -1,4 +1,4 @@
-"""The adapter for Stable-Baselines3 against its own vector environment of scalar ones."""
+"""The `VecEnv` equals the library's `DummyVecEnv` of scalar environments."""
 
 from typing import Any
 
@@ -71,7 +71,7 @@ def assert_same(mine: Any, theirs: Any) -> None:
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("flat", [False, True])
-def test_it_is_the_dummy_of_scalar_environments(flat: bool, kind: str) -> None:
+def test_steps_equal_those_of_a_dummy_vec_env(flat: bool, kind: str) -> None:
     mine, theirs = pair(flat, **KINDS[kind])
     for space in ("observation_space", "action_space"):
         assert getattr(mine, space) == getattr(theirs, space)
@@ -98,7 +98,7 @@ def test_it_is_the_dummy_of_scalar_environments(flat: bool, kind: str) -> None:
     assert min(ends.values()) >= 3
 
 
-def test_what_was_returned_is_not_written_over() -> None:
+def test_returned_arrays_are_not_overwritten() -> None:
     mine, theirs = pair(flat=False)
     for envs in (mine, theirs):
         envs.seed(1)
@@ -111,7 +111,7 @@ def test_what_was_returned_is_not_written_over() -> None:
         assert_same(one, other)
 
 
-def test_options_that_are_unknown_are_refused() -> None:
+def test_unknown_options_are_refused() -> None:
     envs = ObstacleFieldVecEnv(2, **ARGUMENTS)
     envs.set_options({"wind": 1})
     with pytest.raises(ValueError, match=r"unknown reset options \['wind'\]"):
@@ -131,7 +131,7 @@ def test_actions_are_checked() -> None:
 
 
 @pytest.mark.parametrize("flat", [False, True])
-def test_wrappers_work_around_it(flat: bool) -> None:
+def test_wrappers_of_the_library_work(flat: bool) -> None:
     pairs = pair(flat)
     seen, summaries = [], []
     for envs in pairs:
@@ -175,11 +175,11 @@ def test_attributes_and_methods() -> None:
     assert envs.env_is_wrapped(Monitor, indices=1) == [False]
     with pytest.raises(AttributeError, match="wind"):
         envs.get_attr("wind")
-    with pytest.raises(AttributeError, match="detour cannot be set: make a new ObstacleFieldVec"):
+    with pytest.raises(AttributeError, match="detour cannot be set; make a new ObstacleFieldVec"):
         envs.set_attr("detour", 3)
 
 
-def test_pictures_and_closing() -> None:
+def test_rendering_and_closing() -> None:
     envs = ObstacleFieldVecEnv(2, render_mode="rgb_array", **ARGUMENTS)
     envs.seed(0)
     envs.reset()

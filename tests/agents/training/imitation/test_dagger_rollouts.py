@@ -1,4 +1,4 @@
-"""Visits: what an expert would do wherever a learner comes, and how flights go on."""
+"""Rollouts of DAgger: expert labels in the states that a learner visits."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ from agents.models import torch_model
 from agents.models.inference.forward import CompiledNetwork
 from agents.models.model_card import ModelCard
 from agents.models.torch_model import TorchModel
-from agents.training.imitation.dagger_rollouts import Visit, somewhere, visit
+from agents.training.imitation.dagger_rollouts import RolloutRequest, collect, random_state
 from agents.training.imitation.dataset import COLUMNS
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe_one
@@ -42,7 +42,7 @@ def weights(seed: int = 0) -> dict[str, Any]:
     return torch_model.build(CARD).state_dict()
 
 
-def asked(**changes: Any) -> Visit:
+def request(**changes: Any) -> RolloutRequest:
     arguments: dict[str, Any] = {
         "card": CARD,
         "weights": weights(),
@@ -52,44 +52,44 @@ def asked(**changes: Any) -> Visit:
         "scattered": 0.5,
         **changes,
     }
-    return Visit(**arguments)
+    return RolloutRequest(**arguments)
 
 
 def states_of(rows: Array) -> list[State]:
     return [State(row[1:3], row[3:5], int(row[5])) for row in rows]
 
 
-def test_the_same_visit_gives_the_same_rows() -> None:
-    found = visit(asked())
-    again = visit(asked())
+def test_the_same_request_gives_the_same_rows() -> None:
+    found = collect(request())
+    again = collect(request())
     assert found.rows.shape == (found.steps, COLUMNS)
     np.testing.assert_array_equal(again.rows, found.rows)
-    assert (again.steps, again.failures) == (found.steps, found.failures)
+    assert (again.steps, again.refused) == (found.steps, found.refused)
     for change in ({"weights": weights(1)}, {"stream": (0, 1, 3)}, {"seeds": range(40, 44)}):
-        other = visit(asked(**change))
+        other = collect(request(**change))
         assert other.rows.shape != found.rows.shape or (other.rows != found.rows).any()
-    # and what others asked for in between has left nothing behind
-    np.testing.assert_array_equal(visit(asked()).rows, found.rows)
+    # and requests in between leave no state behind
+    np.testing.assert_array_equal(collect(request()).rows, found.rows)
 
 
-def test_the_threads_of_torch_are_those_it_had() -> None:
+def test_the_number_of_torch_threads_is_restored() -> None:
     before = torch.get_num_threads()
     try:
         torch.set_num_threads(2)
-        visit(asked(seeds=range(30, 31)))
+        collect(request(seeds=range(30, 31)))
         assert torch.get_num_threads() == 2
     finally:
         torch.set_num_threads(before)
 
 
 @pytest.mark.slow
-def test_the_same_visit_in_another_process_gives_the_same_rows() -> None:
-    (there,) = Parallel(n_jobs=2)(delayed(visit)(one) for one in [asked()])
-    np.testing.assert_array_equal(there.rows, visit(asked()).rows)
+def test_another_process_gives_the_same_rows() -> None:
+    (there,) = Parallel(n_jobs=2)(delayed(collect)(one) for one in [request()])
+    np.testing.assert_array_equal(there.rows, collect(request()).rows)
 
 
-def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
-    found = visit(asked(scattered=0.0))
+def test_rows_hold_the_expert_s_decision_in_every_visited_state() -> None:
+    found = collect(request(scattered=0.0))
     policy, planner = torch_model.build(CARD), make("pursuit")
     assert isinstance(planner, Replanner)
     policy.load_state_dict(weights())
@@ -107,31 +107,31 @@ def test_rows_are_what_the_expert_decides_wherever_the_learner_comes() -> None:
             assert state.segments == vehicle.segments
             chain = planner.decide(field, interface.State(vehicle), 0).chain
             assert chain is not None
-            lesson = encode(chain[0], vehicle.position, vehicle.derivative)
-            np.testing.assert_array_equal(np.float32(row[6:10]), lesson)
+            label = encode(chain[0], vehicle.position, vehicle.derivative)
+            np.testing.assert_array_equal(np.float32(row[6:10]), label)
             seen = observe_one(field, vehicle, CARD_SETTINGS)
             action = network.act({key: value[None] for key, value in seen.items()})[0]
             step = transition.advance(field, vehicle, action)
             if not step.flown:
                 failures += 1
                 assert row[10] == 1.0
-                step = transition.advance(field, vehicle, lesson)
+                step = transition.advance(field, vehicle, label)
                 assert step.flown
             vehicle, outcome = step.state, step.outcome
         assert outcome is not Outcome.FLYING
-    # a learner that knows nothing is refused now and then, and yet flights go on
-    assert failures == found.failures > 2
+    # segments of an untrained learner are refused now and then, and flights continue
+    assert failures == found.refused > 2
     assert len(found.rows) > 2 * len(SEEDS)
 
 
-def test_a_learner_that_is_always_refused_sees_the_expert_s_flight(
+def test_a_learner_that_is_always_refused_flies_the_expert_s_path(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     # 2.4 m are too short anywhere
     back = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
     monkeypatch.setattr(CompiledNetwork, "act", lambda self, seen: back[None])
-    found = visit(asked(scattered=0.0))
-    assert found.failures == found.steps == len(found.rows)
+    found = collect(request(scattered=0.0))
+    assert found.refused == found.steps == len(found.rows)
     assert (found.rows[:, 10] == 1.0).all()
     for seed in SEEDS:
         field = CARD_SETTINGS.field(seed)
@@ -142,7 +142,7 @@ def test_a_learner_that_is_always_refused_sees_the_expert_s_flight(
 
 
 class _Lost:
-    """An expert that never knows a way."""
+    """An expert that finds no path anywhere."""
 
     limits = make("pursuit").limits  # type: ignore[attr-defined]
 
@@ -150,25 +150,25 @@ class _Lost:
         return Decision(None, interface.WindowReport(step=0, seconds=0.0))
 
 
-def test_where_the_expert_knows_nothing_there_is_no_lesson_and_a_refusal_ends_the_flight(
+def test_without_a_label_there_is_no_row_and_a_refused_segment_ends_the_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("agents.training.imitation.dagger_rollouts._expert", lambda name: _Lost())
-    found = visit(asked(scattered=0.0))
+    found = collect(request(scattered=0.0))
     assert found.rows.shape == (0, COLUMNS)
     assert found.steps >= len(SEEDS)
-    assert found.failures <= len(SEEDS)
+    assert found.refused <= len(SEEDS)
 
 
-def test_a_visit_of_no_fields_is_empty() -> None:
-    found = visit(asked(seeds=range(5, 5)))
-    assert (found.rows.shape, found.steps, found.failures) == ((0, COLUMNS), 0, 0)
+def test_a_request_without_fields_is_empty() -> None:
+    found = collect(request(seeds=range(5, 5)))
+    assert (found.rows.shape, found.steps, found.refused) == ((0, COLUMNS), 0, 0)
 
 
-def test_as_many_flights_as_asked_for_begin_anywhere() -> None:
+def test_the_share_of_random_starts_is_as_requested() -> None:
     starts = {}
     for scattered in (0.0, 0.5, 1.0):
-        rows = visit(asked(scattered=scattered, seeds=range(100, 116))).rows
+        rows = collect(request(scattered=scattered, seeds=range(100, 116))).rows
         first = np.flatnonzero(np.diff(rows[:, 0], prepend=-1))
         starts[scattered] = float((np.abs(rows[first, 1:3]).max(axis=1) > 0.0).mean())
     assert starts[0.0] == 0.0
@@ -176,13 +176,13 @@ def test_as_many_flights_as_asked_for_begin_anywhere() -> None:
     assert starts[1.0] == 1.0
 
 
-def test_somewhere_is_free_inside_the_bounds_and_on_some_way() -> None:
+def test_random_states_are_free_inside_the_bounds_and_head_for_the_goal() -> None:
     stream = np.random.default_rng(0)
     towards, flown = [], []
     for name in ("dense/train:0", "traps/train:0"):
         field = get_field(name)
         for _ in range(40):
-            vehicle = somewhere(field, stream)
+            vehicle = random_state(field, stream)
             assert field.obstacles.signed_distance(vehicle.position).min() >= 0.0
             assert (vehicle.position >= field.bounds[0]).all()
             assert (vehicle.position <= field.bounds[1]).all()

@@ -1,4 +1,4 @@
-"""Lessons: what is drawn is what was put in, as the learner sees it."""
+"""The dataset of imitation: samples are the rows that were added, as the learner observes them."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -11,7 +11,12 @@ pytest.importorskip("torch")
 import torch
 
 from agents.training.imitation import dataset
-from agents.training.imitation.dataset import COLUMNS, ImitationDataset, ImitationSample, row
+from agents.training.imitation.dataset import (
+    COLUMNS,
+    ImitationDataset,
+    ImitationSample,
+    labelled_row,
+)
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
@@ -24,10 +29,10 @@ FIELDS = {seed: get_field(f"sparse/train:{seed}") for seed in range(4)}
 
 
 def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
-    """A lesson in each of these fields, with numbers of the action that tell which it is."""
+    """A row in each of these fields, with an action that identifies it."""
     return np.array(
         [
-            row(
+            labelled_row(
                 seed,
                 State(stream.uniform(0.0, 100.0, 2), stream.normal(size=2) * 7.0, k % 40),
                 stream.uniform(-1.0, 1.0, 4).astype(np.float32),
@@ -37,10 +42,10 @@ def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
     )
 
 
-def single(lesson: ImitationSample) -> Iterator[ImitationSample]:
-    for k in range(len(lesson.actions)):
-        seen = {key: value[k] for key, value in lesson.seen.items()}
-        yield ImitationSample(seen, lesson.actions[k], lesson.discs[k], lesson.present[k])
+def single(sample: ImitationSample) -> Iterator[ImitationSample]:
+    for k in range(len(sample.actions)):
+        seen = {key: value[k] for key, value in sample.observations.items()}
+        yield ImitationSample(seen, sample.actions[k], sample.discs[k], sample.present[k])
 
 
 @pytest.mark.parametrize(
@@ -48,7 +53,7 @@ def single(lesson: ImitationSample) -> Iterator[ImitationSample]:
     [{}, {"observation": "rays", "rays": 9}, {"observation": "both", "nearest": 3, "focus": 4.0}],
     ids=["discs", "rays", "both"],
 )
-def test_what_is_drawn_is_what_was_put_in(arguments: dict[str, Any]) -> None:
+def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None:
     settings, stream = Settings(**arguments), np.random.default_rng(0)
     known = ImitationDataset(settings)
     assert len(known) == 0
@@ -57,28 +62,30 @@ def test_what_is_drawn_is_what_was_put_in(arguments: dict[str, Any]) -> None:
         known.add(part, FIELDS.__getitem__)
     assert len(known) == 9
     by_action = {tuple(np.float32(one[6:10])): one for one in np.concatenate(parts)}
-    drawn = known.draw(stream, 200, 0.0)
+    drawn = known.sample(stream, 200, 0.0)
     found = set()
-    for lesson in single(drawn):
-        put = by_action[tuple(lesson.actions.numpy())]
+    for sample in single(drawn):
+        put = by_action[tuple(sample.actions.numpy())]
         found.add(tuple(put))
         vehicle = State(put[1:3], put[3:5], int(put[5]))
         seen = observe_one(FIELDS[int(put[0])], vehicle, settings)
-        assert list(lesson.seen) == list(seen)
+        assert list(sample.observations) == list(seen)
         for key, value in seen.items():
-            np.testing.assert_array_equal(lesson.seen[key], value)
+            np.testing.assert_array_equal(sample.observations[key], value)
     assert len(found) == 9
-    assert all(value.dtype == torch.float32 for value in (*drawn.seen.values(), drawn.discs))
+    assert all(
+        value.dtype == torch.float32 for value in (*drawn.observations.values(), drawn.discs)
+    )
 
 
-def test_discs_around_are_in_metres_in_the_vehicle_s_frame() -> None:
+def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
     field = Field(name="two", obstacles=Discs([[20.0, 30.0], [17.0, 20.0], [90, 10]], [2, 1.5, 3]))
     # at (20, 20), heading up the second axis: forward is y, left is -x
     vehicle = State(np.array([20.0, 20.0]), np.array([0.0, 7.0]))
     action = np.zeros(4, np.float32)
     known = ImitationDataset(Settings(observation="rays"))
-    known.add(np.array([row(5, vehicle, action)]), {5: field}.__getitem__)
-    drawn = known.draw(np.random.default_rng(0), 1, 0.0)
+    known.add(np.array([labelled_row(5, vehicle, action)]), {5: field}.__getitem__)
+    drawn = known.sample(np.random.default_rng(0), 1, 0.0)
     assert drawn.discs.shape == (1, 12, 3)
     assert drawn.present[0].tolist() == [1.0, 1.0] + [0.0] * 10
     there = sorted(drawn.discs[0, :2].tolist())
@@ -86,21 +93,21 @@ def test_discs_around_are_in_metres_in_the_vehicle_s_frame() -> None:
     assert not drawn.discs[0, 2:].any()
 
 
-def test_room_grows_and_keeps_what_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "_FIRST", 4)
     stream = np.random.default_rng(1)
     known, rows = ImitationDataset(Settings(nearest=2)), rows_of([0] * 3 + [1] * 30 + [2], stream)
     for part in (rows[:3], rows[3:33], rows[33:]):
         known.add(part, FIELDS.__getitem__)
     assert len(known) == 34
-    drawn = {tuple(action.tolist()) for action in known.draw(stream, 1000, 0.0).actions}
+    drawn = {tuple(action.tolist()) for action in known.sample(stream, 1000, 0.0).actions}
     assert drawn == {tuple(action) for action in rows[:, 6:10].astype(np.float32).tolist()}
 
 
-def test_each_is_as_likely_and_the_same_stream_draws_the_same() -> None:
+def test_sampling_is_uniform_and_reproducible() -> None:
     known = ImitationDataset(Settings(nearest=2))
     known.add(rows_of([0] * 10, np.random.default_rng(2)), FIELDS.__getitem__)
-    drawn = [known.draw(np.random.default_rng(3), 5000, 0.0).actions for _ in range(2)]
+    drawn = [known.sample(np.random.default_rng(3), 5000, 0.0).actions for _ in range(2)]
     assert torch.equal(drawn[0], drawn[1])
     _, counts = np.unique(drawn[0].numpy(), axis=0, return_counts=True)
     assert len(counts) == 10
@@ -108,7 +115,7 @@ def test_each_is_as_likely_and_the_same_stream_draws_the_same() -> None:
     assert counts.max() < 600
 
 
-def test_the_field_of_a_seed_is_asked_for_once_a_flight() -> None:
+def test_a_field_is_looked_up_once_for_adjacent_rows() -> None:
     asked = []
 
     def field_of(seed: int) -> Field:
@@ -120,7 +127,7 @@ def test_the_field_of_a_seed_is_asked_for_once_a_flight() -> None:
     assert asked == [2, 0, 3]
 
 
-def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
+def test_a_share_of_samples_is_near_the_latest_refused_segments(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(dataset, "RECENT", 3)
@@ -131,9 +138,9 @@ def test_a_share_of_what_is_drawn_is_near_the_latest_failures(
     known.add(rows[50:], FIELDS.__getitem__)
     latest = {tuple(one) for one in np.float32(rows[[40, 60, 99], 6:10]).tolist()}
     for hard, least, most in ((0.0, 0, 40), (0.25, 100, 140), (1.0, 400, 400)):
-        drawn = known.draw(stream, 400, hard).actions.tolist()
+        drawn = known.sample(stream, 400, hard).actions.tolist()
         assert least <= sum(tuple(action) in latest for action in drawn) <= most
-    # without any failure they are drawn as usual
+    # without refused segments all rows are drawn uniformly
     easy = ImitationDataset(Settings(nearest=2))
     easy.add(rows[:1], FIELDS.__getitem__)
-    assert len(easy.draw(stream, 7, 0.5).actions) == 7
+    assert len(easy.sample(stream, 7, 0.5).actions) == 7

@@ -1,4 +1,4 @@
-"""Demonstrations in a replay buffer are what the learner would have seen, flying them itself."""
+"""Demonstrations in a replay buffer equal the steps of the scalar environment."""
 
 import json
 from pathlib import Path
@@ -62,10 +62,10 @@ def test_transitions_are_those_of_the_scalar_environment(flights: Flights) -> No
     found = 0
     for part in transitions(flights, ENVIRONMENT):
         for i in range(len(part.actions)):
-            seen = {name: value[i] for name, value in part.seen.items()}
+            seen = {name: value[i] for name, value in part.observations.items()}
             then, action = expected.pop(key(seen, part.rewards[i]))
             for name, value in then.items():
-                np.testing.assert_array_equal(part.then[name][i], value)
+                np.testing.assert_array_equal(part.next_observations[name][i], value)
             np.testing.assert_array_equal(part.actions[i], action)
             found += 1
     assert found == len(flights.actions)

@@ -1,4 +1,4 @@
-"""The mirror: what is seen and flown there is what a mirrored world shows."""
+"""Mirror images of observations and actions equal those of a mirrored field."""
 
 from typing import Any
 
