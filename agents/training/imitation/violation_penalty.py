@@ -1,8 +1,8 @@
-"""How far segments are from feasible, as torch sees it: a price that a learner can descend.
+"""A differentiable penalty on infeasible segments.
 
-An error of a tenth of a metre costs nothing in the open and a flight beside an obstacle; the
-likelihood of an expert's action cannot tell. Sampled, not certified: what is flown is judged by
-`ferguson_gym.world.feasibility`.
+An error of a tenth of a metre is harmless in free space and a collision beside an obstacle, and the
+likelihood of an expert's action cannot tell the two apart. The penalty samples segments and proves
+nothing; flights are certified by `ferguson_gym.world.feasibility`.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from ferguson_gym.world.actions import BEND, FINENESS, OFFSET, REACH, SHARE, SPR
 from ferguson_gym.world.limits import PAPER_LIMITS
 
 CLEARANCE = 0.35
-"""From which on nearness to obstacles costs nothing [m]."""
+"""Clearance above which obstacles cost nothing [m]."""
 AHEAD_OF_END = ((1.0, 0.3), (2.0, 0.0))
 """How far ahead of a segment's end, as it arrives, it is to be clear, and by how much [m]."""
 _ROOM = 0.5
-"""How much longer than the shortest, and shorter than the longest, segments are to be [m]."""
+"""Distance from the limits of length within which a length costs [m]."""
 _SLOWEST = 1.2
-"""Least size of the derivative that costs nothing [m per unit t]."""
+"""Size of the derivative below which it costs [m per unit t]."""
 _SAMPLES = 12
 
 
@@ -32,7 +32,10 @@ def speed_of(share: Tensor) -> Tensor:
 
 
 def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) -> Tensor:
-    """What the segments (n,) that actions mean lack to be flown and to be flown on from [m].
+    """Violation (n,) [m] of the segments that actions encode.
+
+    The sum of what is missing, at sampled points, to a clearance along the segment and just behind
+    its end, to a length within the limits and to a derivative that does not vanish.
 
     Args:
         actions: (n, 4).
