@@ -214,7 +214,7 @@ from numba.core.dispatcher import Dispatcher
 from agents.flights.batched import fly_batch
 from agents.flights.flight import fly
 from agents.policies.registry import make_policy
-from agents.policies.warm_up import compile_kernels
+from agents.runtime.kernels import compile_kernels
 from ferguson_gym.world.field_names import get_field
 
 def kernels():
