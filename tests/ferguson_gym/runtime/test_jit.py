@@ -134,7 +134,8 @@ import gc
 from numba.core.dispatcher import Dispatcher
 from agents.flights.flight import fly
 from agents.policies.planner_policies import planner_policy
-from agents.policies.warm_up import compile_kernels, warm
+from agents.policies.warm_up import warm
+from agents.runtime.kernels import compile_kernels
 from ferguson_gym.world.field_names import get_field
 from planners.registry import PLANNERS
 from tests.support.quick_planners import quick
