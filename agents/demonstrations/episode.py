@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 import ferguson_gym
-from agents.policies.interface import Policy
+from agents.flights import StepData, fly
+from agents.policies import Policy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.step_buffers import INFOS
-from ferguson_gym.world import transition
+from ferguson_gym.world import Field, Outcome, State
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -31,13 +30,10 @@ class Episode:
     observations: Mapping[str, NDArray[np.float32]]
     """Entries (n + 1, size)."""
     actions: Action
-    """(n, 4)."""
+    """(n, 4); the next three are (n,)."""
     rewards: Array
-    """(n,)."""
     terminations: NDArray[np.bool_]
-    """(n,)."""
     truncations: NDArray[np.bool_]
-    """(n,)."""
     infos: Mapping[str, NDArray[Any]]
     """(n + 1,) by key; the first is from the reset."""
 
@@ -59,36 +55,20 @@ def seed_of(field: str) -> int | None:
 
 def record(env: gym.Env[Observation, Action], field: str, policy: Policy) -> Episode:
     """Fly a policy with seed 0 through a field, to the end or until the policy gives up."""
-    observation, info = env.reset(seed=seed_of(field), options={"field": field})
-    unwrapped: Any = env.unwrapped
-    policy.begin(unwrapped.field, 0)
-    observations, infos = [observation], [info]
-    actions, rewards, terminations, truncations = [], [], [], []
-    outcome = Outcome.FLYING
-    while outcome is Outcome.FLYING:
-        action = policy.act(observation, unwrapped.state)
-        if action is None:
-            outcome = Outcome.GAVE_UP
-            break
-        observation, reward, terminated, truncated, info = env.step(action)
-        outcome = Outcome.from_code(info["outcome"])
-        actions.append(action)
-        rewards.append(reward)
-        terminations.append(terminated)
-        truncations.append(truncated)
-        observations.append(observation)
-        infos.append(info)
+    steps: list[StepData] = []
+    flight = fly(policy, field, environment=env, on_step=steps.append)
+    flown = steps[1:]
     return Episode(
         field=field,
-        outcome=outcome,
+        outcome=flight.outcome,
         observations={
-            key: np.stack([entries[key] for entries in observations]) for key in observation
+            key: np.stack([step.observation[key] for step in steps]) for key in steps[0].observation
         },
-        actions=np.array(actions, np.float32).reshape(-1, 4),
-        rewards=np.array(rewards, np.float64),
-        terminations=np.array(terminations, np.bool_),
-        truncations=np.array(truncations, np.bool_),
-        infos={key: np.array([entries[key] for entries in infos]) for key in INFOS},
+        actions=np.array([step.action for step in flown], np.float32).reshape(-1, 4),
+        rewards=np.array([step.reward for step in flown], np.float64),
+        terminations=np.array([step.terminated for step in flown], np.bool_),
+        truncations=np.array([step.truncated for step in flown], np.bool_),
+        infos={key: np.array([step.info[key] for step in steps]) for key in INFOS},
     )
 
 
@@ -108,7 +88,7 @@ class _Recorded:
         """Restart with the first action."""
         self.done = 0
 
-    def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
+    def act(self, observation: Observation, vehicle: State) -> Action | None:
         """The next action; None after the last."""
         self.done += 1
         return self.actions[self.done - 1] if self.done <= len(self.actions) else None
@@ -116,11 +96,10 @@ class _Recorded:
 
 def pack(episodes: Sequence[Episode]) -> dict[str, NDArray[Any]]:
     """Concatenate episodes into arrays by name; none of them holds Python objects."""
-    steps = [len(episode.actions) for episode in episodes]
     packed: dict[str, NDArray[Any]] = {
         "field": np.array([episode.field for episode in episodes], np.str_),
         "outcome": np.array([episode.outcome.code for episode in episodes], np.int64),
-        "steps": np.array(steps, np.int64),
+        "steps": np.array([len(episode.actions) for episode in episodes], np.int64),
     }
     for name in ("actions", "rewards", "terminations", "truncations"):
         packed[name] = np.concatenate([getattr(episode, name) for episode in episodes])

@@ -28,21 +28,13 @@ _BATCH = 500
 
 
 def require_minari() -> None:
-    """Check that Minari and h5py are installed, without importing them.
-
-    Raises:
-        ValueError: one is missing.
-    """
+    """Raise ValueError unless Minari and h5py are installed; does not import them."""
     if any(importlib.util.find_spec(module) is None for module in ("minari", "h5py")):
         raise ValueError(f"demonstrations need Minari: {installing('demos')}")
 
 
 def minari() -> Any:
-    """Import Minari.
-
-    Raises:
-        ValueError: Minari is not installed.
-    """
+    """Import Minari; raises ValueError if it is not installed."""
     require_minari()
     return importlib.import_module("minari")
 
@@ -122,8 +114,8 @@ def write(label: Label, episodes: Iterable[Episode], staging: Path, fresh: bool)
     """
     place = place_of(label.dataset_id)
     with _datasets_below(staging):
-        dataset = None
-        for batch in _batched(map(_buffer, episodes), _BATCH):
+        dataset, coming = None, map(_buffer, episodes)
+        while batch := list(itertools.islice(coming, _BATCH)):
             if dataset is None:
                 dataset = _create(label, batch)
             else:
@@ -137,8 +129,7 @@ def write(label: Label, episodes: Iterable[Episode], staging: Path, fresh: bool)
     if place.exists():
         if not fresh:
             raise FileExistsError(f"a dataset {label.dataset_id} appeared at {place} meanwhile")
-        replaced = staging / "replaced"
-        place.rename(replaced)
+        place.rename(staging / "replaced")
     written.rename(place)
 
 
@@ -171,12 +162,6 @@ def _buffer(episode: Episode) -> Any:
         truncations=episode.truncations,
         infos=dict(episode.infos),
     )
-
-
-def _batched(values: Iterable[Any], size: int) -> Iterator[list[Any]]:
-    coming = iter(values)
-    while batch := list(itertools.islice(coming, size)):
-        yield batch
 
 
 @contextmanager

@@ -110,11 +110,7 @@ def read(dataset_id: str) -> Demonstrations:
 
 
 def _check_sizes(path: Path) -> None:
-    """Refuse arrays that claim to be larger than their file, before memory is allocated.
-
-    Raises:
-        ValueError: an array is too large.
-    """
+    """Raise ValueError for arrays that claim more bytes than their file has, before any is read."""
     h5py: Any = importlib.import_module("h5py")
     most = path.stat().st_size
 
@@ -139,11 +135,7 @@ def _damage_as_value_error(dataset_id: str) -> Iterator[None]:
 
 
 def _check(dataset_id: str, env: gym.Env[Observation, Action], field: str, recorded: Any) -> None:
-    """Replay a recorded episode.
-
-    Raises:
-        ValueError: the replay differs from what was recorded.
-    """
+    """Replay a recorded episode; raises ValueError if the replay differs from what was recorded."""
     try:
         again = replay(env, field, np.asarray(recorded.actions, np.float32))
         same = (

@@ -18,9 +18,8 @@ from agents.demonstrations.work import Request
 from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import Field, State
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.transition import State
 
 RANDOM_FLIGHTS = 100
 """Limit of flights with random actions, whose mean return is the score 0."""
@@ -31,11 +30,10 @@ class Tally:
     """Results of an expert's flights."""
 
     flights: int
-    """Number of successful flights."""
+    """Number of successful flights, on which the next two rest."""
     steps: int
-    """Number of their steps."""
     mean_return: float
-    """Mean of their returns; NaN if there are none."""
+    """NaN without flights."""
     failed: dict[str, str]
     """Outcomes of failed flights by field, as labels."""
 
@@ -82,11 +80,15 @@ def make(
     """
     store = work.open_store(work_place(place), request)
     if fresh:
-        _clear(store)
+        try:
+            store.holds_work()
+        except ValueError:  # work of another request; that of the same one would be the same again
+            store.remove()
     missing = store.begin()
+    left = sum(len(request.chunk(number)) for number in missing)
     with (terminal or Terminal()).bar() as progress:
         flying = progress.add_task("flights", total=len(request.fields))
-        progress.advance(flying, _fields_in(request, missing))
+        progress.advance(flying, len(request.fields) - left)
         for done in work.fly(store, request, missing, workers):
             progress.advance(flying, done)
         tally = count(store)
@@ -98,19 +100,6 @@ def make(
                 progress.advance(writing, done)
     store.remove()
     return tally
-
-
-def _clear(store: ChunkStore) -> None:
-    """Remove the work of another request; that of the same one would be the same again."""
-    try:
-        store.holds_work()
-    except ValueError:
-        store.remove()
-
-
-def _fields_in(request: Request, missing: list[int]) -> int:
-    """Number of fields in finished chunks."""
-    return len(request.fields) - sum(len(request.chunk(number)) for number in missing)
 
 
 def count(store: ChunkStore) -> Tally:
@@ -128,8 +117,7 @@ def count(store: ChunkStore) -> Tally:
 
 
 def _label(request: Request, dataset_id: str, tally: Tally) -> dataset.Label:
-    fields = request.fields[:RANDOM_FLIGHTS]
-    specs = ", ".join(request.specs)
+    fields, specs = request.fields[:RANDOM_FLIGHTS], ", ".join(request.specs)
     return dataset.Label(
         dataset_id=dataset_id,
         expert=request.expert,

@@ -14,12 +14,10 @@ from joblib import delayed
 
 import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
-from agents.policies.interface import Policy
-from agents.policies.registry import make_policy
+from agents.policies import Policy, make_policy
 from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
-from agents.runtime.kernels import compile_kernels
 from agents.runtime.provenance import commit, facts
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.world.actions import Action
@@ -31,10 +29,6 @@ MOST = 1_000_000
 """Limit of fields in a dataset."""
 LIBRARIES = ("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp")
 """Libraries that flights depend on."""
-
-
-def _software() -> dict[str, Any]:
-    return {"versions": facts(*LIBRARIES)["versions"], "commit": commit()}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +46,9 @@ class Request:
     """Fields by name, see `ferguson_gym.world.field_names`."""
     arguments: Mapping[str, Any]
     """Arguments of the environment."""
-    software: Mapping[str, Any] = field(default_factory=_software)
+    software: Mapping[str, Any] = field(
+        default_factory=lambda: {"versions": facts(*LIBRARIES)["versions"], "commit": commit()}
+    )
     """Versions of libraries and commit, which the expert's flights may depend on."""
 
     def __post_init__(self) -> None:
@@ -76,11 +72,6 @@ class Request:
         own = {"suite": suite, "split": split} if not families and split else {}
         return own | dict(self.arguments)
 
-    @property
-    def chunks(self) -> int:
-        """Number of chunks."""
-        return -(-len(self.fields) // CHUNK)
-
     def chunk(self, number: int) -> list[str]:
         """Names of the fields of a chunk."""
         return self.fields[number * CHUNK : (number + 1) * CHUNK]
@@ -97,7 +88,9 @@ class Request:
 
 def open_store(place: Path, request: Request) -> ChunkStore:
     """The chunk store of a request in a work directory."""
-    return ChunkStore(place=place, request=request.as_json(), number=request.chunks)
+    return ChunkStore(
+        place=place, request=request.as_json(), number=-(-len(request.fields) // CHUNK)
+    )
 
 
 def fly(store: ChunkStore, request: Request, missing: Iterable[int], workers: int) -> Iterator[int]:
@@ -129,16 +122,11 @@ def flown(store: ChunkStore) -> Iterator[Episode]:
 
 
 def _fly_chunk(
-    expert: str,
-    arguments: str,
-    fields: list[str],
-    store: ChunkStore,
-    number: int,
+    expert: str, arguments: str, fields: list[str], store: ChunkStore, number: int
 ) -> int:
     """Fly some fields and write their chunk, in a worker process."""
     if store.file(number).exists():
         return len(fields)
-    compile_kernels()
     policy, env = _policy(expert), _environment(arguments)
     episodes = []
     for name in fields:
@@ -154,7 +142,6 @@ def _fly_chunk(
 
 @cache
 def _policy(name: str) -> Policy:
-    """The policy of this process, which flies one field after the other."""
     return make_policy(name)
 
 

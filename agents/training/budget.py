@@ -10,14 +10,7 @@ STOPPING = b"ferguson: stopping after this update, with a checkpoint; Ctrl-C aga
 
 
 class TrainingBudget:
-    """Steps and seconds of a training, including those before it was resumed.
-
-    Args:
-        max_steps: None: no limit.
-        max_minutes: None: no limit.
-        steps: taken before.
-        seconds: spent before.
-    """
+    """Steps and time of a training, including those before it was resumed; None: no limit."""
 
     def __init__(
         self, max_steps: int | None, max_minutes: float | None, steps: int = 0, seconds: float = 0

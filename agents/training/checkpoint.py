@@ -13,7 +13,6 @@ import json
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -69,7 +68,8 @@ def write(directory: Path, model: BaseAlgorithm, seconds: float) -> None:
 
 def latest(directory: Path) -> Path | None:
     """The latest checkpoint in a directory of checkpoints; None if there is none."""
-    whole = [place for place in _entries(directory) if place.name.isdecimal()]
+    places = directory.iterdir() if directory.is_dir() else ()
+    whole = [place for place in places if place.name.isdecimal()]
     return max(whole, key=lambda place: int(place.name), default=None)
 
 
@@ -98,10 +98,9 @@ def restore(checkpoint: Path, model: BaseAlgorithm) -> None:
     """
     counts = counts_of(checkpoint)
     try:
-        # pickled attributes are not read, only weights are
-        _, networks, variables = load_from_zip_file(
-            checkpoint / _MODEL, device="cpu", load_data=False
-        )
+        # load_data=False: pickled attributes are not read, only weights are
+        file = checkpoint / _MODEL
+        _, networks, variables = load_from_zip_file(file, device="cpu", load_data=False)
         model.set_parameters(networks, exact_match=True, device="cpu")
         for name, value in (variables or {}).items():
             if value is not None:
@@ -119,10 +118,6 @@ def damaged(checkpoint: Path, error: Exception) -> ValueError:
     return ValueError(
         f"the checkpoint {checkpoint} cannot be read ({reason(error)}); --fresh starts over"
     )
-
-
-def _entries(directory: Path) -> Iterator[Path]:
-    return directory.iterdir() if directory.is_dir() else iter(())
 
 
 def _arrays(buffer: Any) -> dict[str, NDArray[Any]]:

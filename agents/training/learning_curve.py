@@ -5,13 +5,12 @@ from __future__ import annotations
 import csv
 import dataclasses
 import shutil
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.flights.batched import fly_batch
+from agents.flights import fly_batch
 from agents.flights.metrics import Score, score
 from agents.models import loading, torch_model
 from agents.models.model import MODEL
@@ -31,14 +30,7 @@ _PACKAGES = ("ferguson-gym", "numpy", "torch", "stable-baselines3", "sb3-contrib
 
 
 def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: Any) -> ModelCard:
-    """The card of a run's models, without results.
-
-    Args:
-        run: the training.
-        policy: name of the network.
-        policy_kwargs: arguments of the network, as YAML has them.
-        environment: arguments of the environment.
-    """
+    """The card of a run's models, without results; the network's arguments are as in YAML."""
     return ModelCard(
         algorithm=run.algorithm,
         policy=policy,
@@ -55,12 +47,7 @@ class TrainingRecord:
     """The learning curve and the best model of a run, kept in its directory."""
 
     def __init__(self, run: Run, card: ModelCard, steps: int = 0) -> None:
-        """Read what the directory holds.
-
-        Args:
-            run: with the directory.
-            card: of the run's models.
-            steps: of the checkpoint that the run resumes from; later evaluations are dropped.
+        """Read what the directory holds, without evaluations after `steps` (the checkpoint).
 
         Raises:
             ValueError: a file in the directory is damaged.
@@ -85,17 +72,10 @@ class TrainingRecord:
             steps: segments flown so far, or another counter of progress.
             seconds: time of training so far [s].
         """
-        found = score(
-            fly_batch(TorchModel(model.policy, self._card).model, get_fields(self._run.chosen_on))
-        )
-        row = {
-            "steps": steps,
-            "minutes": round(seconds / 60.0, 3),
-            "success": found.success,
-            "spl": found.spl,
-            "gap": found.gap,
-        }
-        self.curve.append(row)
+        network = TorchModel(model.policy, self._card).model
+        found = score(fly_batch(network, get_fields(self._run.chosen_on)))
+        measures = (steps, round(seconds / 60.0, 3), found.success, found.spl, found.gap)
+        self.curve.append(row := dict(zip(_COLUMNS, measures, strict=True)))
         if self.best is None or found.spl >= self.best:
             results = {"chosen_on": _format_results(self._run.chosen_on, found)}
             self._best.mkdir(parents=True, exist_ok=True)
@@ -111,10 +91,8 @@ class TrainingRecord:
         best = loading.load(self._best)
         with defer_interrupt():
             found = score(fly_batch(best, get_fields(self._run.reported_on)))
-        results = {
-            **best.card.results,
-            "reported_on": _format_results(self._run.reported_on, found),
-        }
+        reported = {"reported_on": _format_results(self._run.reported_on, found)}
+        results = {**best.card.results, **reported}
         card = dataclasses.replace(best.card, curve=self.curve, results=results)
         directory = self._run.directory
         with atomic_write(directory / MODEL) as temporary:
@@ -143,7 +121,7 @@ def _format_results(fields: str, found: Score) -> dict[str, Any]:
     return {"fields": fields, **dataclasses.asdict(found)}
 
 
-def _cells(curve: Sequence[dict[str, Any]]) -> list[list[object]]:
+def _cells(curve: list[dict[str, Any]]) -> list[list[object]]:
     return [["" if row.get(key) is None else repr(row[key]) for key in _COLUMNS] for row in curve]
 
 
@@ -152,13 +130,10 @@ def _read_curve(path: Path) -> list[dict[str, Any]]:
         return []
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            return [_row(row) for row in csv.DictReader(file, strict=True)]
+            return [
+                {key: None if text == "" else float(text) for key, text in row.items()}
+                | {"steps": int(row["steps"])}
+                for row in csv.DictReader(file, strict=True)
+            ]
     except (csv.Error, KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{path} is damaged ({reason(error)}); --fresh starts over") from None
-
-
-def _row(cells: dict[str, str]) -> dict[str, Any]:
-    """A row of the learning curve from its cells; empty ones are None."""
-    steps = int(cells["steps"])
-    rest = {key: None if text == "" else float(text) for key, text in cells.items()}
-    return rest | {"steps": steps}

@@ -22,15 +22,7 @@ CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-9
 """Fields on which the best model is chosen, and fields on which it is reported."""
 _CONFIGURATION = "run.json"
 _DONE = "model.json"
-FILES = (
-    _CONFIGURATION,
-    "model.zip",
-    _DONE,
-    "curve.csv",
-    "best",
-    "checkpoint",
-    "tensorboard",
-)
+FILES = (_CONFIGURATION, "model.zip", _DONE, "curve.csv", "best", "checkpoint", "tensorboard")
 """Names of what a run writes into its directory."""
 
 
@@ -73,10 +65,7 @@ class Run:
         start = None
         if self.start is not None:
             weights = (self.start / "model.zip").read_bytes()
-            start = {
-                "place": str(self.start),
-                "sha256": hashlib.sha256(weights).hexdigest(),
-            }
+            start = {"place": str(self.start), "sha256": hashlib.sha256(weights).hexdigest()}
         return {
             "algorithm": self.algorithm,
             "seed": self.seed,
@@ -128,20 +117,18 @@ _OFF_POLICY = frozenset(
         *("train_freq", "gradient_steps", "noise_type", "noise_std"),
     }
 )
+_ON_POLICY = frozenset(
+    {
+        *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda"),
+        *("clip_range", "clip_range_vf", "normalize_advantage", "ent_coef", "vf_coef"),
+        *("max_grad_norm", "target_kl", "critic_alone"),
+    }
+)
 _SOFT = _OFF_POLICY | {"ent_coef", "target_update_interval", "target_entropy"}
 _SB3, _IMITATION = "agents.training.sb3", "agents.training.imitation.trainer"
 _OPTIONS = frozenset(option.name for option in fields(ImitationOptions))
 ALGORITHMS: Mapping[str, Algorithm] = {
-    "ppo": Algorithm(
-        module=_SB3,
-        keys=frozenset(
-            {
-                *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda"),
-                *("clip_range", "clip_range_vf", "normalize_advantage", "ent_coef", "vf_coef"),
-                *("max_grad_norm", "target_kl", "critic_alone"),
-            }
-        ),
-    ),
+    "ppo": Algorithm(module=_SB3, keys=_ON_POLICY),
     "sac": Algorithm(module=_SB3, keys=_SOFT, demos=True),
     "td3": Algorithm(
         module=_SB3,

@@ -73,7 +73,8 @@ def prepare(run: Run) -> Job:
         if start is not None:
             model.policy.load_state_dict(start.policy.state_dict())
         if demos is not None:
-            demonstration_data.fill(_buffer(model), demos, card.environment)
+            buffer: Any = model.replay_buffer  # type: ignore[attr-defined]
+            demonstration_data.fill(buffer, demos, card.environment)
 
     def job() -> int:
         if known is None:
@@ -131,17 +132,17 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
     # depends on the steps, so that a training that resumes does not repeat its random numbers
     seed = int(np.random.SeedSequence((run.seed, budget.steps)).generate_state(1)[0])
     envs = VecMonitor(ObstacleFieldVecEnv(run.hyperparameters.n_envs, **card.environment))
-    arguments = {
-        key: _scheduled(value, budget) for key, value in run.hyperparameters.learner.items()
+    arguments: dict[str, Any] = {
+        key: value if (top := slope(value)) is None else LinearSchedule(top, budget)
+        for key, value in run.hyperparameters.learner.items()
+        if key != _CRITIC_ALONE
     }
-    arguments.pop(_CRITIC_ALONE, None)
-    kind = _LEARNERS[run.algorithm]
     if (noise := _noise(arguments)) is not None:
         arguments["action_noise"] = noise
     if isinstance(unit := arguments.get("train_freq"), list):
         arguments["train_freq"] = tuple(unit)
     try:
-        return kind(
+        return _LEARNERS[run.algorithm](
             networks.policy_class(run.algorithm, card.policy),
             envs,
             seed=seed,
@@ -152,10 +153,6 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
     except (ValueError, TypeError, AssertionError, ZeroDivisionError, RuntimeError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{run.algorithm} refuses these hyperparameters: {why}") from None
-
-
-def _scheduled(value: Any, budget: TrainingBudget) -> Any:
-    return value if (top := slope(value)) is None else LinearSchedule(top, budget)
 
 
 def _noise(arguments: dict[str, Any]) -> Any:
@@ -173,10 +170,6 @@ def _noise(arguments: dict[str, Any]) -> Any:
             f"{std!r}"
         )
     return _NOISES[kind](np.zeros(4), np.full(4, float(std)))
-
-
-def _buffer(model: BaseAlgorithm) -> Any:
-    return model.replay_buffer  # type: ignore[attr-defined]
 
 
 def _learn(run: Run, model: BaseAlgorithm, record: TrainingRecord, budget: TrainingBudget) -> None:

@@ -40,18 +40,14 @@ class ObstacleFieldVecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int, *, flat: bool = False, **arguments: Any) -> None:
-        self.envs = VectorObstacleField(
-            num_envs, autoreset_mode=AutoresetMode.SAME_STEP, **arguments
-        )
+        mode = AutoresetMode.SAME_STEP
+        self.envs = VectorObstacleField(num_envs, autoreset_mode=mode, **arguments)
         self._flat = flat
         self.render_mode = self.envs.render_mode
         single = self.envs.single_observation_space
         self._keys = list(single.spaces) if isinstance(single, spaces.Dict) else []
-        super().__init__(
-            num_envs,
-            spaces.flatten_space(single) if flat else single,
-            self.envs.single_action_space,
-        )
+        shown = spaces.flatten_space(single) if flat else single
+        super().__init__(num_envs, shown, self.envs.single_action_space)
 
     def reset(self) -> Observations:
         """Start all flights, with the seeds and options set before; these apply only once.
@@ -87,17 +83,12 @@ class ObstacleFieldVecEnv(VecEnv):
                 for key, column in zip(INFOS, columns, strict=True)
             ]
         reports = _rows(columns)
-        for report in reports:
-            report["TimeLimit.truncated"] = False
+        for report, late in zip(reports, (truncated & ~terminated).tolist(), strict=True):
+            report["TimeLimit.truncated"] = late
         for i in np.flatnonzero(done).tolist():
-            report = reports[i]
-            report["TimeLimit.truncated"] = bool(truncated[i] and not terminated[i])
-            last = {key: value[None] for key, value in infos["final_obs"][i].items()}
-            laid = self._laid_out(last)
-            report["terminal_observation"] = (
-                laid[0]
-                if isinstance(laid, np.ndarray)
-                else {key: value[0] for key, value in laid.items()}
+            last = infos["final_obs"][i]
+            reports[i]["terminal_observation"] = (
+                np.concatenate([last[key] for key in self._keys]) if self._flat else last
             )
         return self._laid_out(observation), reward.astype(np.float32), done, reports
 

@@ -22,8 +22,7 @@ AVERAGING = 0.005
 """Share by which each update moves the averaged weights towards the learner's."""
 _MAX_GRADIENT_NORM = 1.0
 _MAX_VIOLATION = 5.0
-"""Violation [m] above which the penalty has no gradient: an untrained policy would otherwise
-learn nothing else."""
+"""Violation [m] without gradient above: an untrained policy would learn nothing else."""
 
 
 class BehaviorCloning:
@@ -42,11 +41,7 @@ class BehaviorCloning:
         self.learner.set_training_mode(True)
 
     def update(self, batch: ImitationSample, mirror: bool) -> dict[str, float]:
-        """Take a gradient step.
-
-        Args:
-            batch: samples.
-            mirror: whether to learn from their mirror images.
+        """Take a gradient step, from the samples of a batch or from their mirror images.
 
         Returns:
             Mean negative log-likelihood (`unlikely`) and mean violation [m] before the step.

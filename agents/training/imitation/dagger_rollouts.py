@@ -16,7 +16,6 @@ from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
 from agents.models import torch_model
-from agents.models.model import Network
 from agents.models.model_card import ModelCard, parse_card
 from agents.models.torch_model import TorchModel
 from agents.training.imitation.dataset import COLUMNS, labelled_row
@@ -25,16 +24,14 @@ from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action, encode
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Outcome, advance, encode, initial_state
+from ferguson_gym.world import State as VehicleState
+from ferguson_gym.world.actions import Action
 from planners.interface import Replanner, State
 from planners.registry import make
 
 _HEADING_STD = 0.7
-"""Standard deviation of a random state's heading around the direction of the shortest path
-[rad]."""
+"""Standard deviation [rad] of a random state's heading around that of the shortest path."""
 _SPEED_MEDIAN, _SPEED_STD = 7.0, 0.2
 """Median of a random state's speed [m per unit t], and standard deviation of its logarithm."""
 _NEAR = 3
@@ -48,9 +45,8 @@ class RolloutRequest:
     """What a worker process needs to collect rollouts."""
 
     card: ModelCard
-    """Of the learner."""
+    """Of the learner, as are the weights."""
     weights: dict[str, Tensor]
-    """Of the learner's policy."""
     expert: str
     """Name of a planner that decides step by step."""
     seeds: range
@@ -75,7 +71,9 @@ class Rollouts:
 
 def collect(request: RolloutRequest) -> Rollouts:
     """Fly the learner's most likely actions, and ask the expert in every state."""
-    network = _network(request)
+    policy = _policy(request.card.to_json())
+    policy.load_state_dict(request.weights)
+    network = TorchModel(policy, request.card).model.network
     with network.session():
         return _collect(request, lambda seen: network.act({k: v[None] for k, v in seen.items()})[0])
 
@@ -88,7 +86,7 @@ def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> R
     for seed in request.seeds:
         field = settings.field(seed)
         scattered = stream.random() < request.scattered
-        vehicle = random_state(field, stream) if scattered else transition.initial_state(field)
+        vehicle = random_state(field, stream) if scattered else initial_state(field)
         own: list[list[float]] = []
         outcome = Outcome.FLYING
         while outcome is Outcome.FLYING:
@@ -97,20 +95,20 @@ def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> R
             if chain is not None:
                 label = encode(chain[0], vehicle.position, vehicle.derivative)
                 own.append(labelled_row(seed, vehicle, label))
-            step = transition.advance(field, vehicle, act(observe_one(field, vehicle, settings)))
+            step = advance(field, vehicle, act(observe_one(field, vehicle, settings)))
             steps += 1
             if not step.flown:
                 refused += 1
                 for row in own[-_NEAR:]:
                     row[-1] = 1.0
                 if label is not None:
-                    step = transition.advance(field, vehicle, label)
+                    step = advance(field, vehicle, label)
             vehicle, outcome = step.state, step.outcome
         rows += own
     return Rollouts(rows=np.array(rows).reshape(-1, COLUMNS), steps=steps, refused=refused)
 
 
-def random_state(field: Field, stream: np.random.Generator) -> transition.State:
+def random_state(field: Field, stream: np.random.Generator) -> VehicleState:
     """A random state in free space, heading roughly along the shortest path to the goal."""
     togo = distance_to_go(field)
     while True:
@@ -122,19 +120,12 @@ def random_state(field: Field, stream: np.random.Generator) -> transition.State:
     velocity = _SPEED_MEDIAN * np.exp(_SPEED_STD * stream.normal()) * heading
     whole = float(np.linalg.norm(field.goal - field.start))
     flown = max(0, round((whole - float(distance[0])) / _STRIDE))
-    return transition.State(place, np.array([velocity.real, velocity.imag]), flown)
+    return VehicleState(place, np.array([velocity.real, velocity.imag]), flown)
 
 
 @lru_cache(maxsize=2)
 def _policy(card: str) -> BasePolicy:
     return torch_model.build(parse_card(card))
-
-
-def _network(request: RolloutRequest) -> Network:
-    """The learner for inference; a process builds the policy of a card once."""
-    policy = _policy(request.card.to_json())
-    policy.load_state_dict(request.weights)
-    return TorchModel(policy, request.card).model.network
 
 
 @lru_cache(maxsize=1)

@@ -11,7 +11,7 @@ import numpy as np
 from joblib import delayed
 from torch import nn
 
-from agents.demonstrations.reading import Demonstrations
+from agents.demonstrations import Demonstrations
 from agents.models.model_card import ModelCard
 from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
@@ -32,14 +32,7 @@ _ROWS = "rows-{:06d}.npy"
 
 
 class DataAggregation:
-    """The dataset of a run and the rounds of rollouts in it.
-
-    Args:
-        run: names the number of rollouts, the seed and the number of worker processes.
-        card: of the learner.
-        options: of the run.
-        directory: where the rows of each round are kept.
-    """
+    """The dataset of a run and the rounds of rollouts in it, whose rows a directory keeps."""
 
     def __init__(
         self, run: Run, card: ModelCard, options: ImitationOptions, directory: Path

@@ -11,10 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation.observe import observe
-from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.transition import State
+from ferguson_gym.simulation import Settings, observe
+from ferguson_gym.world import Field, State
 
 COLUMNS = 11
 """Columns of a row: seed of the field (or another number that stands for it), position and
@@ -46,11 +44,7 @@ def labelled_row(seed: int, vehicle: State, action: NDArray[np.float32]) -> list
 
 
 class ImitationDataset:
-    """A growing dataset in memory, with the observations of a learner.
-
-    Args:
-        settings: of the learner's environment.
-    """
+    """A growing dataset in memory, with a learner's observations in an environment's settings."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -76,14 +70,11 @@ class ImitationDataset:
             vehicles = [State(row[1:3], row[3:5], int(row[5])) for row in part]
             around = observe(field, vehicles, _AROUND)
             discs = around["obstacles"].reshape(len(part), -1, 4)[:, :, :3]
-            self._append(
-                {
-                    **observe(field, vehicles, self._settings),
-                    "_discs": _AROUND.view * discs.reshape(len(part), -1),
-                    "_present": around["mask"],
-                    "_actions": part[:, 6:10].astype(np.float32),
-                }
-            )
+            columns = dict(observe(field, vehicles, self._settings))
+            columns["_discs"] = _AROUND.view * discs.reshape(len(part), -1)
+            columns["_present"] = around["mask"]
+            columns["_actions"] = part[:, 6:10].astype(np.float32)
+            self._append(columns)
 
     def _append(self, columns: dict[str, NDArray[np.float32]]) -> None:
         number = len(columns["_actions"])

@@ -10,15 +10,14 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.buffers import DictReplayBuffer
 
-from agents.demonstrations.reading import Demonstrations
+from agents.demonstrations import Demonstrations
 from agents.training.imitation.dataset import COLUMNS, labelled_row
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.vector_environment import VectorObstacleField
-from ferguson_gym.world import transition
+from ferguson_gym.world import Field, advance, initial_state
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import as_field
 
 _TOGETHER = 256
@@ -53,14 +52,10 @@ def transitions(flights: Demonstrations, environment: Mapping[str, Any]) -> Iter
     for first in range(0, number, _TOGETHER):
         which = range(first, min(first + _TOGETHER, number))
         chosen = [as_field(flights.fields[i]) for i in which]
-        room = max(
-            settings_of(dict(environment)).max_obstacles, *(len(f.obstacles) for f in chosen)
-        )
-        envs = VectorObstacleField(
-            len(which),
-            autoreset_mode=AutoresetMode.DISABLED,
-            **{**environment, "fields": 1, "capacity": room},
-        )
+        most = settings_of(dict(environment)).max_obstacles
+        room = max(most, *(len(field.obstacles) for field in chosen))
+        arguments = {**environment, "fields": 1, "capacity": room}
+        envs = VectorObstacleField(len(which), autoreset_mode=AutoresetMode.DISABLED, **arguments)
         observations, _ = envs.reset(seed=0, options={"field": chosen})
         starts, ends = flights.offsets[which.start : which.stop], flights.offsets[first + 1 :]
         lengths = ends[: len(which)] - starts
@@ -71,8 +66,7 @@ def transitions(flights: Demonstrations, environment: Mapping[str, Any]) -> Iter
             following, rewards, terminated, truncated, _ = envs.step(actions)
             ended = terminated | truncated
             if (early := ended & (lengths > step + 1)).any():
-                name = chosen[int(np.flatnonzero(early)[0])].name
-                raise ValueError(_ends_early(name))
+                raise ValueError(_ends_early(chosen[int(early.argmax())].name))
             yield Transitions(
                 {key: value[busy] for key, value in observations.items()},
                 {key: value[busy] for key, value in following.items()},
@@ -94,10 +88,10 @@ def labelled_rows(flights: Demonstrations) -> Iterator[tuple[Field, Array]]:
     """
     for number, name in enumerate(flights.fields):
         field = as_field(name)
-        vehicle, rows = transition.initial_state(field), []
-        for action in flights.actions[flights.offsets[number] : flights.offsets[number + 1]]:
+        vehicle, rows = initial_state(field), []
+        for action in flights.flight(number):
             rows.append(labelled_row(number, vehicle, action))
-            step = transition.advance(field, vehicle, action)
+            step = advance(field, vehicle, action)
             if not step.flown:
                 raise ValueError(_ends_early(name))
             vehicle = step.state

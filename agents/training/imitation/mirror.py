@@ -16,12 +16,7 @@ _SWAPPED = [1, 0, 3, 2, 4, 5]
 
 
 def mirrored(observations: dict[str, Tensor], actions: Tensor) -> tuple[dict[str, Tensor], Tensor]:
-    """The mirror images of observations and actions.
-
-    Args:
-        observations: entries (n, size), as the environment's docstring describes them.
-        actions: (n, 4).
-    """
+    """Mirror images of the environment's observations, entries (n, size), and of actions (n, 4)."""
     images: dict[str, Callable[[Tensor], Tensor]] = {
         "goal": lambda one: one * one.new_tensor([1.0, 1.0, -1.0]),
         "vehicle": lambda one: one[:, _SWAPPED],

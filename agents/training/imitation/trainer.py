@@ -3,10 +3,6 @@
 A round of DAgger is a number of gradient steps. Meanwhile the policy as it was at the round's
 beginning flies through new fields, and the expert labels the states that it visits. The result
 therefore does not depend on the number of worker processes or on their speed.
-
-Reference:
-    Ross, Gordon & Bagnell (2011), A reduction of imitation learning and structured prediction to
-    no-regret online learning, AISTATS.
 """
 
 from __future__ import annotations
@@ -14,7 +10,7 @@ from __future__ import annotations
 import math
 import shutil
 from collections.abc import Iterable
-from typing import Any, cast
+from typing import cast
 
 import numba
 import numpy as np
@@ -83,12 +79,7 @@ def prepare(run: Run) -> Job:
 
 
 class ImitationTrainer:
-    """Rounds of gradient steps and, for DAgger, of rollouts.
-
-    Args:
-        run: what to train.
-        card: of the model.
-        start: a model whose weights the training starts from.
+    """Rounds of gradient steps and, for DAgger, of rollouts; `start` gives the initial weights.
 
     Raises:
         ValueError: hyperparameters out of their range, or an expert that cannot label states.
@@ -113,13 +104,9 @@ class ImitationTrainer:
         )
         if start is not None:
             self._model.policy.load_state_dict(start.policy.state_dict())
-        rate = self._options.learning_rate
-        top = slope(rate)
-        schedule = (
-            LinearSchedule(float(rate), self.budget, least=1.0)
-            if top is None
-            else LinearSchedule(top, self.budget, least=_LAST_RATE)
-        )
+        first = slope(rate := self._options.learning_rate)
+        value, least = (float(rate), 1.0) if first is None else (first, _LAST_RATE)
+        schedule = LinearSchedule(value, self.budget, least)
         self._cloning = BehaviorCloning(self._model.policy, schedule, self._options.violation)
 
     def restore(self) -> bool:
@@ -228,8 +215,7 @@ class ImitationTrainer:
 def _options(run: Run) -> ImitationOptions:
     if run.seed > _MOST_SEED:
         raise ValueError(f"{run.algorithm} takes seeds up to {_MOST_SEED}, got {run.seed}")
-    learner: dict[str, Any] = run.hyperparameters.learner
-    options = ImitationOptions(**learner)
+    options = ImitationOptions(**run.hyperparameters.learner)
     if not isinstance(make(str(options.expert)), Replanner):
         raise ValueError(
             f"expert {options.expert!r} plans its whole path at once; one that decides step by "

@@ -148,7 +148,7 @@ def test_writing_resumes_after_an_interruption(root: Path, monkeypatch: pytest.M
     def stopped(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(minari_store, "_know_namespace", stopped)
+    monkeypatch.setattr(minari_store, "_register_namespace", stopped)
     assert demos() == 130
     assert list(minari.list_local_datasets()) == []
     monkeypatch.undo()
@@ -193,10 +193,10 @@ def test_learners_read_fields_and_actions(root: Path) -> None:
 
 
 def test_an_unknown_dataset_is_refused_and_known_ones_are_listed(root: Path) -> None:
-    with pytest.raises(ValueError, match=r"no dataset nobody-v0 at .*; datasets .*: none"):
+    with pytest.raises(ValueError, match=r"no dataset nobody-v0 at .*; existing datasets: none"):
         read("nobody-v0")
     assert demos() == 0
-    with pytest.raises(ValueError, match=f"no dataset nobody-v0 at .*; datasets .*: {ID}"):
+    with pytest.raises(ValueError, match=f"no dataset nobody-v0 at .*; existing datasets: {ID}"):
         read("nobody-v0")
 
 
