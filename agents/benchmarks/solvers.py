@@ -20,7 +20,7 @@ from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field
 from planners.interface import initial_state
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.reference.exchange import ByExchange
@@ -63,11 +63,7 @@ class Solved:
 
 def solvers() -> dict[str, WindowSolver]:
     """The solvers by name."""
-    return {
-        "ours": MultiStart(),
-        "slsqp": ByExchange(Slsqp()),
-        "ipopt": ByExchange(Ipopt()),
-    }
+    return {"ours": MultiStart(), "slsqp": ByExchange(Slsqp()), "ipopt": ByExchange(Ipopt())}
 
 
 def take_windows(planner: RecedingHorizon, fields: Iterable[Field], number: int) -> list[Task]:
@@ -117,18 +113,12 @@ def excess(results: Sequence[Solved], gate: float) -> dict[str, Array]:
     best: dict[str, float] = {}
     for result in results:
         best[result.window] = min(best.get(result.window, np.inf), result.objective)
-    return {
-        name: np.array(
-            [
-                0.0
-                if np.isinf(best[r.window])
-                else (r.objective - best[r.window]) / max(best[r.window], gate)
-                for r in results
-                if r.solver == name
-            ]
-        )
-        for name in dict.fromkeys(result.solver for result in results)
-    }
+    found: dict[str, list[float]] = {}
+    for result in results:
+        least = best[result.window]
+        above = 0.0 if np.isinf(least) else (result.objective - least) / max(least, gate)
+        found.setdefault(result.solver, []).append(above)
+    return {name: np.array(values) for name, values in found.items()}
 
 
 def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal) -> None:
@@ -144,7 +134,9 @@ def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal
             progress.advance(bar)
             progress.refresh()
     out.mkdir(parents=True, exist_ok=True)
-    write(results, out / "steps.csv")
+    columns = ("solver", "window", "starts", "feasible", "objective", "seconds")
+    cells = ([getattr(result, name) for name in columns] for result in results)
+    write_csv(out / "steps.csv", columns, cells)
     gate = tasks[0].window.limits.gate
     draw(results, gate, out / "solvers.png")
     terminal.show(table(results, gate))
@@ -165,12 +157,6 @@ def against(name: str, results: Sequence[Solved], gate: float) -> str:
         f"better in {better}; certified chains {sum(a.feasible for a, _ in pairs)} against "
         f"{sum(b.feasible for _, b in pairs)}"
     )
-
-
-def write(results: Sequence[Solved], path: Path) -> None:
-    """Write steps.csv, a row for each solver and window."""
-    columns = ("solver", "window", "starts", "feasible", "objective", "seconds")
-    write_csv(path, columns, ([getattr(result, name) for name in columns] for result in results))
 
 
 def table(results: Sequence[Solved], gate: float) -> Table:
@@ -231,11 +217,7 @@ def draw(results: Sequence[Solved], gate: float, path: Path) -> None:
             part = np.sort(np.clip(excesses, 1e-6, None))
             right.step(part, share, where="post", color=_COLOURS[name], label=label)
         left.set(xscale="log", xlabel="multi-start step [ms]", ylabel="windows [%]", ylim=(0, 101))
-        right.set(
-            xscale="log",
-            xlabel="objective above the best of all, relative",
-            xlim=(1e-6, 3.0),
-            ylim=(0, 101),
-        )
+        label = "objective above the best of all, relative"
+        right.set(xscale="log", xlabel=label, xlim=(1e-6, 3.0), ylim=(0, 101))
         right.axvline(NO_WORSE, color=drawing.OBSTACLE_EDGE, lw=0.8, ls=":")
         right.legend(loc="lower right", frameon=False, fontsize=7)

@@ -12,10 +12,7 @@ if TYPE_CHECKING:
     from agents.evaluation.statistics import summarise as summarise
 
 if not TYPE_CHECKING:  # a type checker that saw it would accept any name
-    _MODULES = {
-        "evaluate": "agents.evaluation.run",
-        "summarise": "agents.evaluation.statistics",
-    }
+    _MODULES = {"evaluate": "agents.evaluation.run", "summarise": "agents.evaluation.statistics"}
 
     def __getattr__(name):
         """Import a public name when it is first used."""

@@ -43,13 +43,10 @@ def _drawn(rng: np.random.Generator, number: int, size: int) -> NDArray[np.int64
 
 
 def resampled_means(values: Array, seed: int) -> Array:
-    """Means of each table over resampled fields and seeds, (RESAMPLES, k).
+    """Means of k tables (k, fields, seeds) over resampled fields and seeds, (RESAMPLES, k).
 
-    All tables are resampled alike, so that differences between them are paired.
-
-    Args:
-        values: (k, fields, seeds); NaN where missing, which does not count.
-        seed: Of the draws.
+    NaN is a missing value, which does not count. All tables are resampled alike, so that
+    differences between them are paired.
     """
     count, fields, seeds = values.shape
     present = ~np.isnan(values)
@@ -68,11 +65,9 @@ def resampled_means(values: Array, seed: int) -> Array:
 
 
 def resampled_quartile_means(values: Array, seed: int) -> Array:
-    """Interquartile means over resampled fields and seeds, (RESAMPLES,).
+    """Interquartile means of values (fields, seeds) over resampled fields and seeds, (RESAMPLES,).
 
-    Args:
-        values: (fields, seeds), may be infinite; NaN where missing, which does not count.
-        seed: Of the draws.
+    Values may be infinite; NaN is a missing value, which does not count.
     """
     field, which = np.nonzero(~np.isnan(values))
     flat = values[field, which]
@@ -84,9 +79,8 @@ def resampled_quartile_means(values: Array, seed: int) -> Array:
         weights = by_field[:, field]
         if by_seed.shape[1] > 1:
             weights = weights * by_seed[:, which]
-        # ranks up to which each value goes; a quarter of the ranks is cut at both ends
+        # ranks up to which each value goes; a quarter of the ranks is cut at both ends, in place
         ranks = np.cumsum(weights, axis=1, out=weights)
-        # a copy: the ranks are clipped where they are
         total = ranks[:, -1:].copy() if len(flat) else np.zeros((len(ranks), 1), np.int64)
         cut = total // 4
         np.clip(ranks, cut, total - cut, out=ranks)

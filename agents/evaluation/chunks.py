@@ -12,9 +12,9 @@ from dataclasses import dataclass, replace
 
 from agents.evaluation import provenance
 from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
-from agents.flights.flight import Flight, fly
+from agents.flights import Flight, fly
 from agents.flights.flight_table import Columns, columns_of
-from agents.policies.spec import PolicySpec
+from agents.policies import PolicySpec
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.kernels import compile_kernels, small_field
 
@@ -26,10 +26,9 @@ _LOCK = threading.Lock()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """Flights of one policy."""
+    """Flights of one policy; `chunk` is the number of their chunk."""
 
     chunk: int
-    """Number of their chunk."""
     policy: str
     flights: Sequence[tuple[Source, int]]
     """Field and seed of each."""
@@ -45,7 +44,6 @@ class Result:
 
     chunk: int
     columns: Columns
-    """Of the flights, as `agents.flights.flight_table.columns_of` makes them."""
     versions: dict[str, str]
     """Versions of the libraries."""
     models: list[str]

@@ -3,46 +3,29 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import os
 import platform
 from functools import cache
 from typing import Any
 
 from agents.models import shipped_agents
+from agents.policies import PolicySpec
 from agents.policies.registry import make_planner
-from agents.policies.spec import PolicySpec
 from agents.runtime import provenance
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world import Discs, Field
 from planners.interface import Seconds
 
 LIBRARIES = (
-    "ferguson-gym",
-    "gymnasium",
-    "numpy",
-    "scipy",
-    "numba",
-    "daqp",
-    "torch",
-    "stable-baselines3",
-    "sb3-contrib",
-    "ompl",
-    "pygmo",
-    "networkx",
+    *("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp"),
+    *("torch", "stable-baselines3", "sb3-contrib", "ompl", "pygmo", "networkx"),
 )
 """Libraries that flights depend on."""
 
 
 @cache
-def _versions() -> str:
-    return json.dumps(provenance.facts(*LIBRARIES)["versions"])
-
-
 def versions() -> dict[str, str]:
     """Versions of Python and of the libraries that flights depend on."""
-    found: dict[str, str] = json.loads(_versions())
-    return found
+    return dict(provenance.facts(*LIBRARIES)["versions"])
 
 
 def software() -> dict[str, Any]:
@@ -83,12 +66,10 @@ def stopped_by_clock(policy: str) -> bool:
 
 def hash_field(field: Field) -> str:
     """SHA-256 of a field's arrays and obstacles."""
-    found = hashlib.sha256()
-    for array in (field.start, field.goal, field.bounds, field.departure):
-        found.update(array.tobytes())
-    obstacles = field.obstacles
+    arrays = [field.start, field.goal, field.bounds, field.departure]
+    obstacles, rest = field.obstacles, b""
     if isinstance(obstacles, Discs):
-        found.update(obstacles.centers.tobytes() + obstacles.radii.tobytes())
+        arrays += [obstacles.centers, obstacles.radii]
     else:
-        found.update(repr(obstacles).encode())
-    return found.hexdigest()
+        rest = repr(obstacles).encode()
+    return hashlib.sha256(b"".join(array.tobytes() for array in arrays) + rest).hexdigest()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from agents.evaluation.results import FLIGHT_COLUMNS, KEYS, TIMING_COLUMNS
 from agents.flights.flight_table import TIMES, FlightTable
 from ferguson_gym.runtime.arrays import LARGEST, Array, truncate_repr
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Outcome
 
 _NUMBERS = ("success", "length", "exact_length", "gap")
 _OUTCOMES = {outcome.label: outcome for outcome in Outcome}
@@ -82,8 +82,7 @@ def read(directory: Path) -> FlightTable:
 
 def _keys(place: NDArray[np.int64], names: tuple[_Names, ...]) -> NDArray[np.int64]:
     """A number for each flight, from its indices (3, n) among the names."""
-    keys: NDArray[np.int64] = (place[0] * len(names[1]) + place[1]) * len(names[2]) + place[2]
-    return keys
+    return np.asarray((place[0] * len(names[1]) + place[1]) * len(names[2]) + place[2])
 
 
 def _times(

@@ -13,9 +13,8 @@ from itertools import groupby
 from typing import Any
 
 from agents.evaluation import provenance
-from agents.policies.spec import PolicySpec
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import get_field
+from agents.policies import PolicySpec
+from ferguson_gym.world import Field, get_field
 
 PLANNED, BATCHED = 10, 256
 """Flights in a chunk of a planner, and of an agent that flies in batches. After an interruption

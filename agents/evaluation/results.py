@@ -20,17 +20,8 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import atomic_write
 
 KEYS = ("policy", "field", "seed")
-FLIGHT_COLUMNS = (
-    *KEYS,
-    "outcome",
-    "success",
-    "length",
-    "exact_length",
-    "gap",
-    "clearance",
-    "segments",
-    "min_turn_radius",
-)
+_MEASURES = ("length", "exact_length", "gap", "clearance", "segments", "min_turn_radius")
+FLIGHT_COLUMNS = (*KEYS, "outcome", "success", *_MEASURES)
 """Columns of flights.csv, none of which depends on a clock."""
 TIMING_COLUMNS = (*KEYS, *TIMES)
 """Columns of timings.csv. Decisions of a batch are taken together and have no times of their own;
@@ -51,28 +42,21 @@ def write_tables(directory: Path, flights: FlightTable) -> None:
 
 def flight_rows(flights: FlightTable) -> Iterator[tuple[object, ...]]:
     """Rows of flights.csv."""
-    names = ("length", "exact_length", "gap", "clearance", "segments", "min_turn_radius")
-    numbers = zip(*(flights[name].tolist() for name in names), strict=True)
+    numbers = zip(*(flights[name].tolist() for name in _MEASURES), strict=True)
     for key, outcome, row in zip(_keys(flights), flights.outcomes, numbers, strict=True):
         cells = ("" if math.isnan(value) else repr(value) for value in row)
         yield (*key, outcome.label, int(outcome.success), *cells)
 
 
 def _keys(flights: FlightTable) -> Iterator[tuple[str, str, int]]:
-    places = zip(
-        flights.policy.tolist(), flights.field.tolist(), flights.seed.tolist(), strict=True
-    )
-    for policy, field, seed in places:
+    for policy, field, seed in zip(flights.policy, flights.field, flights.seed, strict=True):
         yield flights.policies[policy], flights.fields[field], flights.seeds[seed]
 
 
 def write_paths(path: Path, flights: FlightTable, controls: Iterable[Array]) -> None:
     """Write paths.npz; the same flights give the same file.
 
-    Args:
-        path: Of the file.
-        flights: All flights.
-        controls: Their segments (m, 4, 2) in order, in portions of any size.
+    `controls` are the segments (m, 4, 2) of all flights in order, in portions of any size.
     """
     offsets = np.cumsum(np.concatenate([[0], flights["segments"]]))
     with (

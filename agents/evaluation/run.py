@@ -24,7 +24,7 @@ from agents.runtime.executors import Backend
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", REPORT)
 """Files in a directory of results beside pictures."""
@@ -56,7 +56,8 @@ def run(
 ) -> dict[str, Any]:
     """Fly the missing flights, write the results into a directory, show the tables.
 
-    If the directory holds the results already, nothing is flown, and they are shown again.
+    If the directory holds the results already, nothing is flown, and they are shown again. Returns
+    the object of summary.json.
 
     Args:
         request: Which flights.
@@ -66,9 +67,6 @@ def run(
         command: The command that makes the same results again.
         fresh: Whether to remove the results and unfinished work in the directory first.
         terminal: Shows the tables, and the progress of flights.
-
-    Returns:
-        The object of summary.json.
 
     Raises:
         ValueError: The directory holds the results of another request.
@@ -177,7 +175,7 @@ def _write_summary(work: Work, flights: FlightTable, summary: Mapping[str, Any])
 
 
 def _clear(work: Work) -> None:
-    """Remove unfinished work, and results."""
+    """Remove unfinished work and results."""
     work.store.remove()
     listed = read_json(work.results / "summary.json").get("files", [])
     for name in {*FILES, *(name for name in listed if isinstance(name, str))}:

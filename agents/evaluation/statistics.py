@@ -36,7 +36,7 @@ from agents.flights.metrics import (
     success_interval,
 )
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Outcome
 
 TIE = 1e-5
 """Lengths that differ by at most this are ties [m]: the tolerance of every feasibility test."""
@@ -83,15 +83,10 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
 
     Values that are infinite or missing are None; a gap is infinite where `gap_flights` is not 0.
 
-    Args:
-        flights: All flights of an evaluation.
-        seed: Of the bootstrap.
-
     Returns:
         `policies` and `pairs`, a list of objects each; `profiles` with `gap`, the levels, and
         `shares` by policy; `how`, what the statistics mean; `confidence`, `resamples`, `seed`.
     """
-    policies = policy_statistics(flights, seed)
     gaps = _gaps(flights)
     levels = profile_levels(flights["gap"][flights.success])
     return {
@@ -102,7 +97,7 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
         "resamples": RESAMPLES,
         "seed": seed,
         "how": HOW,
-        "policies": policies,
+        "policies": policy_statistics(flights, seed),
         "pairs": pair_statistics(flights, seed),
         "profiles": {
             "gap": [float(f"{level:.4g}") for level in levels],
@@ -124,13 +119,11 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
     found = []
     for k, name in enumerate(flights.policies):
         mine = flights.policy == k
-        successes = int(flights.success[mine].sum())
-        number = int(mine.sum())
+        successes, number = int(flights.success[mine].sum()), int(mine.sum())
+        median, slowest, whole = (_known(flights[name][mine]).tolist() for name in TIMES)
         known = _known(gaps[k])
         fields = len(np.unique(flights.field[mine]))
         success = success_interval(fields * successes / number, fields)
-        spl_interval = percentiles(spl[:, k], fields)
-        mean_interval = percentiles(resampled_quartile_means(gaps[k], seed), fields)
         found.append(
             {
                 "policy": name,
@@ -142,27 +135,20 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
                 "success_low": success.low,
                 "success_high": success.high,
                 "spl": float(np.nanmean(shares[k])),
-                **_bounds("spl", spl_interval),
+                **_bounds("spl", percentiles(spl[:, k], fields)),
                 "gap_flights": len(known),
                 "gap_median": finite(quantile(known.tolist(), 0.5)),
                 "gap_iqm": finite(interquartile_mean(known)),
-                **_bounds("gap_iqm", mean_interval),
+                **_bounds("gap_iqm", percentiles(resampled_quartile_means(gaps[k], seed), fields)),
                 "gap_90": finite(quantile(known.tolist(), 0.9)),
                 "gap_99": finite(quantile(known.tolist(), 0.99)),
-                **_times({name: _known(flights[name][mine]) for name in TIMES}),
+                "decision_seconds_median": quantile(median, 0.5),
+                "slowest_decision_seconds_99": quantile(slowest, 0.99),
+                "flight_seconds_median": quantile(whole, 0.5),
+                "flight_seconds_99": quantile(whole, 0.99),
             }
         )
     return found
-
-
-def _times(seconds: Mapping[str, Array]) -> dict[str, float | None]:
-    median, slowest, whole = (values.tolist() for values in seconds.values())
-    return {
-        "decision_seconds_median": quantile(median, 0.5),
-        "slowest_decision_seconds_99": quantile(slowest, 0.99),
-        "flight_seconds_median": quantile(whole, 0.5),
-        "flight_seconds_99": quantile(whole, 0.99),
-    }
 
 
 def pair_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
@@ -218,9 +204,8 @@ def interquartile_mean(values: ArrayLike) -> float | None:
 def success_wins(first: Array, second: Array) -> tuple[int, int]:
     """On how many fields the first succeeds more often than the second, and the reverse.
 
-    Args:
-        first: lengths (fields, seeds) [m]: infinite for failures, NaN where not flown.
-        second: likewise; seeds that only one of them flew do not count.
+    Lengths (fields, seeds) [m] are infinite for failures and NaN where not flown; seeds that only
+    one of the two flew do not count.
     """
     together = ~(np.isnan(first) | np.isnan(second))
     lead = ((np.isfinite(first) & together).sum(1)) - ((np.isfinite(second) & together).sum(1))
@@ -230,10 +215,8 @@ def success_wins(first: Array, second: Array) -> tuple[int, int]:
 def mcnemar(first: int, second: int) -> float:
     """p-value of McNemar's exact test: of wins at least so unequal if both were equally good.
 
-    Args:
-        first: fields on which only the first succeeded.
-        second: fields on which only the second did. Fields where both succeed or both fail
-            carry no information on the difference.
+    The arguments count the fields on which only the first succeeded, and only the second. Fields
+    where both succeed or both fail carry no information on the difference.
 
     Reference:
         McNemar (1947), Note on the sampling error of the difference between correlated
@@ -255,22 +238,17 @@ def holm(chances: list[float]) -> list[float]:
     """
     order = np.argsort(chances, kind="stable")
     factors = np.arange(len(chances), 0, -1)
-    raised = np.maximum.accumulate(np.array(chances)[order] * factors)
     adjusted = np.empty(len(chances))
+    raised = np.maximum.accumulate(np.array(chances)[order] * factors)
     adjusted[order] = np.minimum(raised, 1.0)
-    return [float(chance) for chance in adjusted]
+    return list(adjusted.tolist())
 
 
 def improvement(first: Array, second: Array) -> Array:
     """1 where the first is shorter, 0 where it is longer, a half for ties.
 
-    Args:
-        first: lengths [m], any shape: infinite for failures, NaN where not flown. A failure
-            loses against any success; two failures are a tie.
-        second: likewise.
-
-    Returns:
-        The same shape, NaN where either was not flown.
+    Lengths [m] of any one shape are infinite for failures, so that a failure loses against any
+    success and two failures are a tie. NaN where either was not flown.
     """
     with np.errstate(invalid="ignore"):  # infinity less infinity
         alike = (np.abs(first - second) <= TIE) | (first == second)

@@ -74,9 +74,7 @@ def timed(
 ) -> list[dict[str, Any]]:
     """Statistics of policies with the times that were measured while nothing else flew.
 
-    Args:
-        policies: As `agents.evaluation.statistics.summary` returns them.
-        measured_policies: `policies` of summary.json; a time that is missing there stays as it is.
+    These are in `policies` of summary.json; a time that is missing there stays as it is.
     """
     measured = {one.get("policy"): one for one in measured_policies}
     return [

@@ -11,7 +11,7 @@ from rich.text import Text
 from agents.evaluation.statistics import caution
 from agents.evaluation.summary import timed
 from agents.runtime.terminal_tables import NONE, decimal, empty_table
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Outcome
 from ferguson_gym.world.paper_fields import TABLE_I
 
 _TO = "\N{EN DASH}"
@@ -20,11 +20,7 @@ _OUTCOMES = {outcome.label: outcome.sentence for outcome in Outcome}
 
 
 def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
-    """Tables and sentences on all policies, in the order in which they are shown.
-
-    Args:
-        summary: The object of summary.json.
-    """
+    """Tables and sentences on a summary.json, in the order in which they are shown."""
     found = summary["statistics"]
     found = {**found, "policies": timed(found["policies"], summary["policies"])}
     yield policies(found)
@@ -41,22 +37,15 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     if remarks:
         yield ""
         yield from remarks
-    for table in (
-        against_the_best(found),
-        shields(summary.get("shields", ())),
-        paper(summary.get("paper", ())),
-    ):
+    shielded, on_paper = summary.get("shields", ()), summary.get("paper", ())
+    for table in (against_the_best(found), shields(shielded), paper(on_paper)):
         if table is not None:
             yield ""
             yield table
 
 
 def policies(found: Mapping[str, Any]) -> Table:
-    """A row for each policy, the highest SPL first; intervals in brackets.
-
-    Args:
-        found: As `agents.evaluation.statistics.summary` returns it.
-    """
+    """A row for each policy of a summary's statistics, the highest SPL first."""
     fields, seeds = found["fields"], found["seeds"]
     table = empty_table(
         f"{_number(fields, 'field')}, {_number(seeds, 'policy seed')}; in brackets 95 % intervals",
@@ -75,7 +64,7 @@ def policies(found: Mapping[str, Any]) -> Table:
         table.add_row(
             Text(one["policy"]),
             _with_interval(one, "success", _share),
-            _with_interval(one, "spl", lambda share: f"{share:.3f}"),
+            _with_interval(one, "spl", "{:.3f}".format),
             _gap(one, "gap_median"),
             _gap(one, "gap_99"),
             _milliseconds(one.get("decision_seconds_99")),
@@ -129,31 +118,19 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
     spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
     rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]
     for pair in sorted(rows, key=lambda pair: -spl[pair["first"]] - spl[pair["second"]]):
-        turned = pair["second"] == best
-        wins = pair["first_wins"], pair["second_wins"]
+        seen = pair if pair["first"] == best else _turned(pair)
         table.add_row(
-            Text(pair["first"] if turned else pair["second"]),
-            _with_interval(
-                _turned(pair, "spl_difference", 0.0) if turned else pair,
-                "spl_difference",
-                lambda difference: f"{difference:+.3f}",
-                " to ",
-            ),
-            _with_interval(
-                _turned(pair, "improvement", 1.0) if turned else pair, "improvement", _share
-            ),
-            " : ".join(map(str, wins[::-1] if turned else wins)),
-            _chance(pair["mcnemar_p_holm"]),
+            Text(seen["second"]),
+            _with_interval(seen, "spl_difference", "{:+.3f}".format, " to "),
+            _with_interval(seen, "improvement", _share),
+            f"{seen['first_wins']} : {seen['second_wins']}",
+            _chance(seen["mcnemar_p_holm"]),
         )
     return table if rows else None
 
 
 def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
-    """How many steps the planner took over from shielded policies, and why; None without any.
-
-    Args:
-        shielded: As `agents.evaluation.summary.shields` returns it.
-    """
+    """How many steps the planner took over, and why, from a summary's shields; None without any."""
     table = empty_table(
         "Steps that the shield handed over",
         "policy",
@@ -175,11 +152,7 @@ def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
 
 
 def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
-    """Flights through the paper's fields beside its Table I; None if there are none.
-
-    Args:
-        rows: As `agents.evaluation.summary.on_paper` returns it.
-    """
+    """A summary's flights through the paper's fields beside its Table I; None without any."""
     table = empty_table(
         "The paper's fields (reconstructed), in brackets its Table I",
         "policy, field",
@@ -193,18 +166,11 @@ def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
     )
     for one in rows:
         policy, field = one["policy"], one["field"]
-        cells = [
-            decimal(one["segments"], 0),
-            decimal(one["evaluations"], 0),
-            decimal(one["length"], 2),
-        ]
-        if (row := TABLE_I.get((policy, field))) is not None:
-            theirs = [
-                decimal(row.segments, 0, none="N/A"),
-                decimal(row.evaluations, 0, none="N/A"),
-                decimal(row.length, 2, none="N/A"),
-            ]
-            cells = [f"{ours} ({printed})" for ours, printed in zip(cells, theirs, strict=True)]
+        row = TABLE_I.get((policy, field))
+        cells = []
+        for name, digits in (("segments", 0), ("evaluations", 0), ("length", 2)):
+            printed = "" if row is None else decimal(getattr(row, name), digits, none="N/A")
+            cells.append(decimal(one[name], digits) + (f" ({printed})" if printed else ""))
         table.add_row(
             Text(f"{policy} {field}"),
             f"{one['successes']}/{one['flights']}",
@@ -218,14 +184,16 @@ def _number(number: int, what: str) -> str:
     return f"{number:,} {what}" if number == 1 else f"{number:,} {what}s"
 
 
-def _turned(pair: Mapping[str, Any], key: str, whole: float) -> dict[str, float | None]:
-    """A value and its interval, seen from the second policy's side."""
-    low, high = pair[f"{key}_low"], pair[f"{key}_high"]
-    return {
-        key: whole - pair[key],
-        f"{key}_low": None if high is None else whole - high,
-        f"{key}_high": None if low is None else whole - low,
-    }
+def _turned(pair: Mapping[str, Any]) -> dict[str, Any]:
+    """A pair with its policies exchanged."""
+    turned = dict(pair)
+    for one, other in (("first", "second"), ("first_wins", "second_wins")):
+        turned[one], turned[other] = pair[other], pair[one]
+    for key, whole in (("spl_difference", 0.0), ("improvement", 1.0)):
+        turned[key] = whole - pair[key]
+        for one, other in ((f"{key}_low", f"{key}_high"), (f"{key}_high", f"{key}_low")):
+            turned[one] = None if pair[other] is None else whole - pair[other]
+    return turned
 
 
 def _with_interval(

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.evaluation.request import Request, field_of
-from agents.flights.flight import fly
+from agents.flights import fly
 from agents.flights.metrics import quantile
-from agents.policies.registry import make_policy
+from agents.policies import make_policy
 from agents.policies.warm_up import warm_policy
 from agents.runtime.interrupts import raise_if_interrupted
 
@@ -49,10 +49,7 @@ class Timing:
 def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
     """Time a policy on flights that are evenly spread over those of a request.
 
-    Args:
-        request: All flights.
-        policy: One of its policies.
-        budget: Seconds after which no further flight starts; the first one always does.
+    After `budget` seconds no further flight starts; the first one always does.
 
     Raises:
         ValueError: An agent cannot be loaded.

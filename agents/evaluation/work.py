@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.chunks import Result, Task, fly_task, single_flights, task_of
 from agents.evaluation.request import Chunk, Request, field_of, name_of
-from agents.flights.flight import Flight
+from agents.flights import Flight
 from agents.flights.flight_table import PATHS, Columns, FlightTable, check, drawable, join
 from agents.runtime.chunk_store import ChunkStore, read_json, refuse_other
 from agents.runtime.executors import Backend, Call, Run, WorkerDiedError, open_backend
@@ -58,12 +58,7 @@ class Work:
         Raises:
             OSError: The chunk cannot be read.
         """
-
-        def parse(columns: Columns) -> Columns:
-            check(columns, len(chunk))
-            return columns
-
-        return self.store.read(chunk.number, parse)
+        return self.store.read(chunk.number, partial(check, number=len(chunk)))
 
     def table(self) -> FlightTable:
         """All flights, without their paths, when no chunk is missing.
@@ -131,9 +126,7 @@ def is_finished(work: Work) -> bool:
     Raises:
         ValueError: It holds the work, or the results, of another configuration.
     """
-    if work.store.holds_work():
-        return False
-    if not (work.results / "flights.csv").exists():
+    if work.store.holds_work() or not (work.results / "flights.csv").exists():
         return False
     made = read_json(work.results / "summary.json").get("configuration")
     refuse_other(made, work.request.configuration, f"the evaluation at {work.results}")

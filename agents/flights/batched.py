@@ -14,11 +14,10 @@ import numpy as np
 from gymnasium.vector import AutoresetMode
 
 from agents.flights.flight import Flight
-from agents.models.model import Model
+from agents.models import Model
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Outcome
 
 BATCH = 48
 """Flights at a time by default: few enough for the environment to step them without threads of
@@ -28,16 +27,9 @@ its own, which would compete with the network for the processor."""
 def fly_batch(
     model: Model, fields: Iterable[Field], num: int = BATCH, name: str = "agent"
 ) -> list[Flight]:
-    """Fly a model, by its deterministic actions, through fields.
+    """Fly a model, by its deterministic actions, once through each field, in this order.
 
-    Args:
-        model: An agent's model.
-        fields: One flight is flown through each.
-        num: Flights at a time, which changes no flight.
-        name: What the flights call their policy.
-
-    Returns:
-        Flights in the order of the fields.
+    `num` flights at a time are flown, which changes no flight; they call their policy `name`.
 
     Raises:
         ValueError: A field that is not planar, or `num` below 1.

@@ -11,21 +11,18 @@ from typing import Any, NamedTuple
 import gymnasium as gym
 
 from agents.flights.metrics import path_share
-from agents.policies.interface import Policy
-from agents.policies.registry import make_policy
+from agents.policies import Policy, make_policy
 from agents.policies.shield_decisions import ShieldDecision
 from agents.policies.warm_up import warm_policy
 from agents.runtime.kernels import compile_kernels
-from ferguson_gym.curves.path import Path
+from ferguson_gym.curves import Path
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.exact import exact_length, gap
+from ferguson_gym.shortest_paths import exact_length, gap
 from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.world import Field, Outcome, State
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import as_field
-from ferguson_gym.world.outcome import Outcome
-from ferguson_gym.world.transition import State
 from planners.interface import Decision, Route
 
 
@@ -86,6 +83,12 @@ class Flight:
     def min_turn_radius(self) -> float:
         """Smallest turn radius along the flight [m]; infinite if the path is straight."""
         return Path(self.control).min_turn_radius if len(self.control) else math.inf
+
+    @property
+    def windows(self) -> list[Array]:
+        """The chains (m, 4, 2) that the planner found by search."""
+        found = [one.chain for one in self.decisions if one.report.starts > 0]
+        return [chain for chain in found if chain is not None]
 
     @property
     def evaluations(self) -> int:

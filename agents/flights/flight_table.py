@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from agents.flights.flight import Flight
 from agents.policies.shield_decisions import ShieldDecision
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Outcome
 from ferguson_gym.world.paper_fields import is_from_paper
 from planners.interface import Decision, WindowReport
 
@@ -30,6 +29,7 @@ _OUTCOMES = {outcome.code: outcome for outcome in Outcome}
 _NO_SEGMENTS = np.empty((0, 4, 2))
 _LENGTHS = {"control": "segments", "window_segments": "window_counts", "windows": "window_segments"}
 """Columns that are not as long as there are flights, and what counts their rows."""
+_MAY_BE_NAN = ("exact_length", "gap", "decision_seconds_median", "decision_seconds_max", "refused")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -93,15 +93,8 @@ def table_of(flights: Sequence[Flight]) -> FlightTable:
 
 
 def columns_of(flights: Sequence[Flight], drawn: Sequence[bool]) -> Columns:
-    """Flights as columns.
-
-    Args:
-        flights: n of them.
-        drawn: (n,) whether a picture of the flight needs the windows that its planner searched.
-    """
-    windows = [
-        _windows(flight) if shown else [] for flight, shown in zip(flights, drawn, strict=True)
-    ]
+    """Flights as columns; `drawn` says of which a picture needs the planner's windows."""
+    windows = [one.windows if shown else [] for one, shown in zip(flights, drawn, strict=True)]
     chains = [chain for each in windows for chain in each]
     numbers = {
         "length": [flight.length for flight in flights],
@@ -138,8 +131,8 @@ def join(parts: Sequence[Columns]) -> Columns:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-def check(columns: Columns, number: int) -> None:
-    """Check columns from a file before anything is taken from them.
+def check(columns: Columns, number: int) -> Columns:
+    """Return columns from a file after checking them.
 
     Raises:
         ValueError: Columns are missing, of another kind or shape, or of another length than
@@ -160,9 +153,7 @@ def check(columns: Columns, number: int) -> None:
             raise ValueError(f"NaN in {name}")
     if not np.isin(columns["outcome"], list(_OUTCOMES)).all():
         raise ValueError("unknown codes of outcome")
-
-
-_MAY_BE_NAN = ("exact_length", "gap", "decision_seconds_median", "decision_seconds_max", "refused")
+    return columns
 
 
 def drawable(columns: Columns, index: int, policy: str, field: Field, seed: int) -> Flight:
@@ -189,15 +180,6 @@ def drawable(columns: Columns, index: int, policy: str, field: Field, seed: int)
 def _span(counts: NDArray[np.int64], index: int) -> tuple[int, int]:
     first = int(counts[:index].sum())
     return first, first + int(counts[index])
-
-
-def _windows(flight: Flight) -> list[Array]:
-    """The chains that a planner found by search."""
-    return [
-        decision.chain
-        for decision in flight.decisions
-        if decision.chain is not None and decision.report.starts > 0
-    ]
 
 
 def _or_nan(value: float | None) -> float:

@@ -60,10 +60,7 @@ def success_interval(successes: float, number: int) -> Interval:
 def path_share(success: ArrayLike, length: ArrayLike, exact: ArrayLike | None) -> Array:
     """A flight's term in SPL: exact / max(length, exact) if it succeeded, else 0.
 
-    Args:
-        success: (n,) or a single value; likewise the next two.
-        length: Length flown [m].
-        exact: Length of the shortest path [m]; None or NaN if it is not known, which counts 0.
+    Lengths [m] are (n,) or single values; an exact length of None or NaN is not known and counts 0.
 
     Reference:
         Anderson et al. (2018), On evaluation of embodied navigation agents, arXiv:1807.06757.
@@ -78,11 +75,9 @@ def path_share(success: ArrayLike, length: ArrayLike, exact: ArrayLike | None) -
 
 
 def best_so_far(progress: Sequence[tuple[float, float]], seconds: ArrayLike) -> Array:
-    """The best length at given times: (n,) [m], infinite before the first.
+    """The best length at times (n,) [s]: (n,) [m], infinite before the first.
 
-    Args:
-        progress: Pairs of seconds and the length [m] reached then, in order of time.
-        seconds: (n,).
+    `progress` holds pairs of a time [s] and the length [m] reached then, in order of time.
     """
     at = np.array([when for when, _ in progress])
     best = np.minimum.accumulate([np.inf, *(length for _, length in progress)])

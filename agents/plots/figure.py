@@ -19,13 +19,9 @@ from ferguson_gym.runtime.atomic_files import atomic_write
 def figure_file(
     path: Path, width: float, height: float, layout: Literal["constrained"] | None = "constrained"
 ) -> Iterator[Figure]:
-    """A figure to draw on, written when the block ends without an error.
+    """A figure of a width and height [in] to draw on, written when the block ends without an error.
 
-    Args:
-        path: file to write; its suffix decides the format.
-        width: of the figure [in].
-        height: of the figure [in].
-        layout: matplotlib's layout engine; None: axes are placed by hand.
+    The path's suffix decides the format. Without a layout engine axes are placed by hand.
     """
     with mpl.rc_context(drawing.style()):
         figure = Figure(figsize=(width, height), layout=layout)

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.legend_handler import HandlerTuple
 from matplotlib.lines import Line2D
 
-from agents.flights.flight import Flight
+from agents.flights import Flight
 from agents.plots.figure import figure_file
-from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.curves import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.atomic_files import unwritable
@@ -27,12 +27,7 @@ _ABANDONED = 0.5
 
 
 def check_target(path: Path, what: str = "picture", suffixes: Sequence[str] = SUFFIXES) -> None:
-    """Check that a file can be written.
-
-    Args:
-        path: of the file.
-        what: it holds, for the error.
-        suffixes: of the formats that are possible.
+    """Check that a file can be written in one of the formats; errors call it `what`.
 
     Raises:
         ValueError: the format is unknown, the path is a directory, or its directory does not exist
@@ -101,11 +96,7 @@ def _draw_panel(axes: Axes, flight: Flight) -> None:
 
 def _horizons(flight: Flight) -> list[Array]:
     """The planned horizons whose ends are farthest from the flight."""
-    chains = [
-        decision.chain
-        for decision in flight.decisions
-        if decision.chain is not None and decision.report.starts > 0
-    ]
+    chains = flight.windows
     if not chains:
         return []
     flown = evaluate(flight.control, np.linspace(0.0, 1.0, 30)).reshape(-1, 2)

@@ -11,12 +11,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
-from agents.flights.flight import Flight
+from agents.flights import Flight
 from agents.plots.figure import figure_file
-from agents.policies.spec import PolicySpec
-from ferguson_gym.curves.splines import evaluate
+from agents.policies import PolicySpec
+from ferguson_gym.curves import evaluate
 from ferguson_gym.rendering.drawing import draw_field
-from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths import shortest_path
 
 COLOURS = ("#0b5fa5", "#e07b00", "#882255", "#56b4e9", "#1b9e77", "#444444", "#b59400")
 """Colours of the policies in order, as in the report; colour-blind readers can tell the first four
@@ -34,9 +34,7 @@ _T = np.linspace(0.0, 1.0, 40)
 def draw_comparison(panels: Sequence[Sequence[Flight]], out: Path) -> None:
     """Write the figure; the suffix of the path decides the format.
 
-    Args:
-        panels: for each field the flights of the same policies in the same order.
-        out: path of the file.
+    Each panel has a field's flights of the same policies in the same order.
 
     Raises:
         ValueError: more policies than there are colours.
@@ -71,10 +69,8 @@ def _draw_panel(axes: Axes, flights: Sequence[Flight]) -> None:
     for k, flight in enumerate(flights):
         # later flights are thinner, so that all are visible where they overlap
         above = len(flights) - 1 - k
-        look: dict[str, Any] = {
-            "color": COLOURS[k],
-            "lw": 1.2 + min(1.1, 5.5 / len(flights)) * above,
-        }
+        width = 1.2 + min(1.1, 5.5 / len(flights)) * above
+        look: dict[str, Any] = {"color": COLOURS[k], "lw": width}
         if len(flight.control):
             points = evaluate(flight.control, _T).reshape(-1, 2)
             axes.plot(*points.T, zorder=4, solid_capstyle="round", **look)

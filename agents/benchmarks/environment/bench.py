@@ -123,14 +123,10 @@ def summary(
     """The content of summary.json: settings, results, machine and versions."""
     environments = []
     for row, measured in slices.items():
-        flights = sum(one.flights for one in measured)
-        environments.append(
-            {
-                **row._asdict(),
-                "steps_per_second": _spread(speed(measured)),
-                "steps_a_flight": sum(s.steps for s in measured) / flights if flights else None,
-            }
-        )
+        steps, flights = sum(s.steps for s in measured), sum(s.flights for s in measured)
+        rates = {"steps_per_second": _spread(speed(measured))}
+        each = {"steps_a_flight": steps / flights if flights else None}
+        environments.append(row._asdict() | rates | each)
     compared = [
         {"of": of._asdict(), "to": to._asdict(), **_spread(speed(slices[of]) / speed(slices[to]))}
         for of, to in RATIOS
@@ -147,11 +143,8 @@ def summary(
 
 
 def _spread(rounds: Array) -> dict[str, float]:
-    return {
-        "median": float(np.median(rounds)),
-        "least": float(rounds.min()),
-        "greatest": float(rounds.max()),
-    }
+    least, greatest = float(rounds.min()), float(rounds.max())
+    return {"median": float(np.median(rounds)), "least": least, "greatest": greatest}
 
 
 def write(slices: Slices, path: Path) -> None:
@@ -191,24 +184,18 @@ def speeds(report: Mapping[str, Any]) -> Table:
             terminal_tables.decimal(flight, 1),
         )
     for row in report["not_installed"]:
-        rows.add_row(
-            row["environment"], str(row["number"]), "not installed", *[terminal_tables.NONE] * 3
-        )
+        blank = [terminal_tables.NONE] * 3
+        rows.add_row(row["environment"], str(row["number"]), "not installed", *blank)
     return rows
 
 
 def ratios(report: Mapping[str, Any]) -> Table:
     """The table of ratios, a row for each pair."""
-    rows = terminal_tables.empty_table(
-        "Ratios of steps per second",
-        "environments",
-        "median",
-        "least",
-        "greatest",
-        caption="taken within rounds",
-    )
+    title, spread = "Ratios of steps per second", ("median", "least", "greatest")
+    caption = "taken within rounds"
+    rows = terminal_tables.empty_table(title, "environments", *spread, caption=caption)
     for one in report["ratios"]:
-        cells = (one[key] for key in ("median", "least", "greatest"))
+        cells = (one[key] for key in spread)
         rows.add_row(
             f"{Row(**one['of'])} : {Row(**one['to'])}",
             *(f"{cell:.{max(0, 2 - math.floor(math.log10(cell)))}f}" for cell in cells),
@@ -219,12 +206,8 @@ def ratios(report: Mapping[str, Any]) -> Table:
 def starts(report: Mapping[str, Any]) -> Table:
     """The table of start-up times and memory of fresh processes."""
     fresh = report["fresh_process"]
-    rows = terminal_tables.empty_table(
-        "Fresh processes",
-        "what",
-        "took",
-        caption=f"times without the interpreter's own start; medians of {startup.STARTS}",
-    )
+    caption = f"times without the interpreter's own start; medians of {startup.STARTS}"
+    rows = terminal_tables.empty_table("Fresh processes", "what", "took", caption=caption)
     for what, key, scale, unit in (
         ("import ferguson_gym", "import_seconds", 1.0, "s"),
         ("import to first step", "first_step_seconds", 1.0, "s"),

@@ -9,11 +9,12 @@ import importlib.util
 import itertools
 import math
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager, closing
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -41,26 +42,27 @@ class Slice(NamedTuple):
     seconds: float
 
 
-class Driver(Protocol):
-    """Steps an environment for a time."""
+class Driver(ABC):
+    """Steps an environment for a time, with actions (batches, environments, ...) in turn."""
+
+    def __init__(self, env: Any, actions: NDArray[Any]) -> None:
+        self._env, self._actions = env, itertools.cycle(list(actions))
 
     def reset(self, seed: int) -> None:
         """Seed the environment and start all flights."""
+        self._env.reset(seed=seed)
+        self._env.reset()
 
+    @abstractmethod
     def run(self, seconds: float) -> Slice:
         """Step for some seconds, at least once; finished flights are followed by others."""
 
 
-class OneByOne:
+class OneByOne(Driver):
     """Steps a scalar environment."""
 
     def __init__(self, env: gym.Env[Any, Any], actions: NDArray[Any]) -> None:
-        self._env, self._actions = env, itertools.cycle(list(actions[:, 0]))
-
-    def reset(self, seed: int) -> None:
-        """Start all flights."""
-        self._env.reset(seed=seed)
-        self._env.reset()
+        super().__init__(env, actions[:, 0])
 
     def run(self, seconds: float) -> Slice:
         """Step; each step counts."""
@@ -77,22 +79,21 @@ class OneByOne:
         return Slice(steps, flights, now - began)
 
 
-class Together:
+class Together(Driver):
     """Steps a vector environment that resets a flight in the step after its last."""
 
     def __init__(self, envs: VectorEnv[Any, Any, Any], actions: NDArray[Any]) -> None:
-        self._envs, self._actions = envs, itertools.cycle(list(actions))
+        super().__init__(envs, actions)
         self._over = np.zeros(envs.num_envs, np.bool_)
 
     def reset(self, seed: int) -> None:
-        """Start all flights."""
-        self._envs.reset(seed=seed)
-        self._envs.reset()
+        """Seed the environments and start all flights."""
+        super().reset(seed)
         self._over[:] = False
 
     def run(self, seconds: float) -> Slice:
         """Step; resets do not count."""
-        envs, actions = self._envs, self._actions
+        envs, actions = self._env, self._actions
         # counted after the measurement
         terminations: list[NDArray[np.bool_]] = []
         truncations: list[NDArray[np.bool_]] = []
@@ -107,21 +108,18 @@ class Together:
         return Slice(int((~over[:-1]).sum()), int(over[1:].sum()), now - began)
 
 
-class ForBaselines:
+class ForBaselines(Driver):
     """Steps a `VecEnv` of Stable-Baselines3, which resets a flight in its last step."""
 
-    def __init__(self, envs: Any, actions: NDArray[Any]) -> None:
-        self._envs, self._actions = envs, itertools.cycle(list(actions))
-
     def reset(self, seed: int) -> None:
-        """Start all flights."""
-        self._envs.seed(seed)
-        self._envs.reset()
-        self._envs.reset()
+        """Seed the environments and start all flights."""
+        self._env.seed(seed)
+        self._env.reset()
+        self._env.reset()
 
     def run(self, seconds: float) -> Slice:
         """Step; each step counts."""
-        envs, actions = self._envs, self._actions
+        envs, actions = self._env, self._actions
         ends: list[NDArray[np.bool_]] = []
         began = now = time.perf_counter()
         while now < began + seconds or not ends:
@@ -176,9 +174,10 @@ def has_baselines() -> bool:
 def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
     """The environments to measure, in the order of the table."""
 
-    def pole(number: int) -> Entry:
-        make = partial(_vector, "CartPole-v1", number)
-        return Entry(name="CartPole-v1 vector", number=number, make=make, driver=Together, fields=0)
+    def pole(what: str, number: int, make: Any, driver: Any) -> Entry:
+        name = "CartPole-v1"
+        make = partial(make, name, number)
+        return Entry(name=f"{name}{what}", number=number, make=make, driver=driver, fields=0)
 
     def ours(
         what: str, number: int, make: Any, driver: Any, share: bool = False, apart: int = 1
@@ -193,7 +192,7 @@ def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
         )
 
     return [
-        ours("", 1, _scalar, OneByOne),
+        ours("", 1, partial(_scalar, ENVIRONMENT_ID), OneByOne),
         *(
             ours(" vector", number, partial(_vector, ENVIRONMENT_ID), Together, share=True)
             for number in (1, 16, 256, 2048)
@@ -202,15 +201,9 @@ def entries(observation: str, fields: int = FIELDS) -> list[Entry]:
         # each of the 16 has its own fields, together as many as the others
         ours(" SyncVectorEnv", 16, _one_after_another, Together, apart=16),
         ours(" SubprocVecEnv", 2, _in_processes, ForBaselines),
-        Entry(
-            name="CartPole-v1",
-            number=1,
-            make=lambda: closing(gym.make("CartPole-v1")),
-            driver=OneByOne,
-            fields=0,
-        ),
-        pole(256),
-        pole(2048),
+        pole("", 1, _scalar, OneByOne),
+        pole(" vector", 256, _vector, Together),
+        pole(" vector", 2048, _vector, Together),
     ]
 
 
@@ -218,8 +211,8 @@ def _make(**arguments: Any) -> gym.Env[Any, Any]:
     return gym.make(ENVIRONMENT_ID, **arguments)
 
 
-def _scalar(_: int, **arguments: Any) -> AbstractContextManager[Any]:
-    return closing(_make(**arguments))
+def _scalar(name: str, _: int, **arguments: Any) -> AbstractContextManager[Any]:
+    return closing(gym.make(name, **arguments))
 
 
 def _vector(name: str, number: int, **arguments: Any) -> AbstractContextManager[Any]:

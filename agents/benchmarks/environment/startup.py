@@ -16,10 +16,6 @@ STARTS = 3
 def measure(observation: str, with_compilation: bool) -> dict[str, float | None]:
     """Measure times and memory in fresh processes.
 
-    Args:
-        observation: kind of observation.
-        with_compilation: whether to time a first step with an empty cache of compiled code.
-
     Returns:
         import_seconds; first_step_seconds, from import to the end of the first step;
         compile_seconds, the same with an empty cache; process_bytes, resident with one

@@ -23,27 +23,13 @@ from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
 from agents.runtime.terminal_tables import decimal
 from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field
 
 COLUMNS = (
-    "planner",
-    "field",
-    "seed",
-    "status",
-    "success",
-    "raw_length",
-    "length",
-    "exact_length",
-    "raw_gap",
-    "gap",
-    "clearance",
-    "min_turn_radius",
-    "max_turn_speed",
-    "bending",
-    "segments",
-    "evaluations",
-    "seconds_first",
-    "seconds",
+    *("planner", "field", "seed", "status", "success"),
+    *("raw_length", "length", "exact_length", "raw_gap", "gap"),
+    *("clearance", "min_turn_radius", "max_turn_speed", "bending", "segments"),
+    *("evaluations", "seconds_first", "seconds"),
 )
 """Columns of planners.csv; cells that a failed plan has no value for are empty."""
 
@@ -96,9 +82,8 @@ def _runs(request: Request, terminal: Terminal) -> Iterator[Run]:
     number = len(request.planners) * len(request.fields) * len(request.seeds)
     with terminal.still_bar() as progress:
         task = progress.add_task("plans", total=number)
-        for run in runs(
-            request.planners, request.seconds, request.fields, request.seeds, request.workers
-        ):
+        what = request.fields, request.seeds
+        for run in runs(request.planners, request.seconds, *what, request.workers):
             yield run
             progress.advance(task)
             progress.refresh()
@@ -136,7 +121,8 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     """Statistics of one planner's runs; None where a number is missing or infinite."""
     successes = [run for run in mine if run.success]
     gaps = [run.gap for run in successes if run.gap is not None]
-    causes = Counter(_cause(run) for run in mine if not run.success)
+    failed = [run for run in mine if not run.success]
+    causes = Counter(f"{r.status} ({r.reason})" if r.reason else r.status for r in failed)
     # seeds on one field are not independent trials, and do not matter to many planners
     fields = len({run.field.name for run in mine})
     low, high = metrics.success_interval(fields * len(successes) / len(mine), fields)
@@ -160,10 +146,6 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     }
 
 
-def _cause(run: Run) -> str:
-    return f"{run.status} ({run.reason})" if run.reason else run.status
-
-
 def _quantile(values: Sequence[float], share: float) -> float | None:
     return metrics.finite(metrics.quantile(values, share))
 
@@ -171,9 +153,8 @@ def _quantile(values: Sequence[float], share: float) -> float | None:
 def table(report: Mapping[str, Any]) -> Table:
     """A row for each planner."""
     budget = report["budget_seconds"]
-    searched = (
-        "their own budgets" if budget is None else f"{budget:g} s where a planner searches on"
-    )
+    where = "where a planner searches on"
+    searched = "their own budgets" if budget is None else f"{budget:g} s {where}"
     rows = terminal_tables.empty_table(
         f"Planners on the same {len(report['fields'])} fields, {searched}",
         "planner",
@@ -189,6 +170,7 @@ def table(report: Mapping[str, Any]) -> Table:
         "total [s]",
         caption=_caption(report),
     )
+    gaps = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
     for one in report["planners"]:
         low, high = (f"{100 * one[key]:.1f}" for key in ("success_low", "success_high"))
         rows.add_row(
@@ -196,15 +178,12 @@ def table(report: Mapping[str, Any]) -> Table:
             f"{one['successes']}/{one['runs']}",
             f"{low} to {high}",
             str(one["failures"].get(FALSE_SUCCESS, 0)),
-            *(decimal(one[key], 2, 100.0) for key in _GAPS),
+            *(decimal(one[key], 2, 100.0) for key in gaps),
             decimal(one["min_turn_radius_median"], 2),
             decimal(one["seconds_first_median"], 1, 1e3),
             decimal(one["seconds_median"], 3),
         )
     return rows
-
-
-_GAPS = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
 
 
 def _caption(report: Mapping[str, Any]) -> str:

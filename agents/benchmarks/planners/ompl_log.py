@@ -23,37 +23,35 @@ from planners.interface import Status
 
 STATUSES = (*(status.label for status in Status), FALSE_SUCCESS)
 """Labels of the values of the property status."""
-_RUN = (
-    "field INTEGER",
-    "seed INTEGER",
-    "status INTEGER",
-    "solved BOOLEAN",
-    "time REAL",
-    "time to first solution REAL",
-    "solution length REAL",
-    "route length REAL",
-    "exact length REAL",
-    "gap REAL",
-    "route gap REAL",
-    "solution clearance REAL",
-    "solution segments INTEGER",
-    "minimum turn radius REAL",
-    "bending REAL",
-    "evaluations INTEGER",
-)
+_RUN = {
+    "field INTEGER": "field",
+    "seed INTEGER": "seed",
+    "status INTEGER": "status",
+    "solved BOOLEAN": "success",
+    "time REAL": "seconds",
+    "time to first solution REAL": "seconds_first",
+    "solution length REAL": "length",
+    "route length REAL": "raw_length",
+    "exact length REAL": "exact_length",
+    "gap REAL": "gap",
+    "route gap REAL": "raw_gap",
+    "solution clearance REAL": "clearance",
+    "solution segments INTEGER": "segments",
+    "minimum turn radius REAL": "min_turn_radius",
+    "bending REAL": "bending",
+    "evaluations INTEGER": "evaluations",
+}
+"""Properties of a run, and the attributes of `Run` that they come from."""
 _PROGRESS = ("time REAL", "best cost REAL")
 
 
 def write(
     runs: Sequence[Run], began: datetime, total_seconds: float, seconds: float | None
 ) -> Iterator[str]:
-    """The lines of a log, each without its end.
+    """The lines of a log, each without its end; each planner's runs keep their order.
 
-    Args:
-        runs: in any order, which is kept for each planner.
-        began: start of the experiment.
-        total_seconds: duration of the experiment [s].
-        seconds: search time of planners with a budget [s]; None: their own budgets.
+    `total_seconds` is the duration of the experiment [s], `seconds` the search time of planners
+    with a budget [s]; None: their own budgets.
     """
     fields = list(dict.fromkeys(run.field.name for run in runs))
     planners = list(dict.fromkeys(run.planner for run in runs))
@@ -90,26 +88,12 @@ def write(
         yield "."
 
 
-def _measured(run: Run, fields: Sequence[str]) -> tuple[float | None, ...]:
-    """The values of the properties in `_RUN`."""
-    return (
-        fields.index(run.field.name),
-        run.seed,
-        STATUSES.index(run.status),
-        run.success,
-        run.seconds,
-        run.seconds_first,
-        run.length,
-        run.raw_length,
-        run.exact_length,
-        run.gap,
-        run.raw_gap,
-        run.clearance,
-        run.segments,
-        run.min_turn_radius,
-        run.bending,
-        run.evaluations or 0,
-    )
+def _measured(run: Run, fields: Sequence[str]) -> list[float | None]:
+    """The values of the properties in `_RUN`; fields and statuses by index."""
+    values = {name: getattr(run, name) for name in _RUN.values()}
+    values["field"], values["status"] = fields.index(run.field.name), STATUSES.index(run.status)
+    values["evaluations"] = run.evaluations or 0
+    return list(values.values())
 
 
 def _progress(run: Run) -> list[tuple[float, float]]:

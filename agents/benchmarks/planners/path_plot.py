@@ -13,7 +13,7 @@ from matplotlib.lines import Line2D
 from agents.benchmarks.planners.runs import Run
 from agents.benchmarks.planners.styles import Style
 from agents.plots.figure import figure_file
-from ferguson_gym.curves.path import Path
+from ferguson_gym.curves import Path
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
 
@@ -51,7 +51,10 @@ def draw_paths(runs: Sequence[Run], styles: Mapping[str, Style], path: FilePath)
             for group, width in zip(groups, np.linspace(3.8, 1.4, len(groups)), strict=True):
                 _draw_striped(axes, curves, group, styles, width)
         figure.legend(
-            handles=[_handle(run, styles[run.planner].colour) for run in runs],
+            handles=[
+                Line2D([], [], color=styles[r.planner].colour, lw=2.4, ls="-" if r.success else ":")
+                for r in runs
+            ],
             labels=[_entry(run) for run in runs],
             title="stripes: planners with the same path; dotted: failed",
             title_fontsize=7.5,
@@ -61,10 +64,6 @@ def draw_paths(runs: Sequence[Run], styles: Mapping[str, Style], path: FilePath)
             fontsize=7.5,
             handlelength=2.0,
         )
-
-
-def _handle(run: Run, colour: str) -> Line2D:
-    return Line2D([], [], color=colour, lw=2.4, ls="-" if run.success else ":")
 
 
 def _entry(run: Run) -> str:
@@ -113,13 +112,5 @@ def _draw_striped(
         if k > 0:  # on top of the first, which is solid; in units of the line width
             dash = _DASH / width
             style = (-k * dash, (dash, (len(group) - 1) * dash))
-        axes.plot(
-            points[:, 0],
-            points[:, 1],
-            color=styles[name].colour,
-            ls=style,
-            lw=width,
-            dash_capstyle="butt",
-            solid_joinstyle="round",
-            zorder=4,
-        )
+        look: Any = {"color": styles[name].colour, "ls": style, "lw": width, "zorder": 4}
+        axes.plot(*points.T, dash_capstyle="butt", solid_joinstyle="round", **look)

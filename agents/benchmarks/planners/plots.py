@@ -18,7 +18,7 @@ from agents.benchmarks.planners.styles import Style, styles_of
 from agents.flights.metrics import best_so_far, quantile, share_within
 from agents.plots.figure import figure_file
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.exact import gap
+from ferguson_gym.shortest_paths import gap
 
 LEAST_GAP = 1e-5
 """Smaller gaps are drawn as this one on a logarithmic axis."""
@@ -40,13 +40,9 @@ def draw_progress(runs: Sequence[Run], styles: Mapping[str, Style], path: Path) 
     """
     with figure_file(path, 7.0, 3.9) as figure:
         axes = figure.subplots()
+        known = [run for run in runs if run.exact_length is not None]
         handles = [
-            _draw_progress_of(
-                axes,
-                [run for run in runs if run.planner == name and run.exact_length is not None],
-                name,
-                style,
-            )
+            _draw_progress_of(axes, [run for run in known if run.planner == name], name, style)
             for name, style in styles.items()
         ]
         axes.set(xscale="log", yscale="log", xlabel="time [s]", ylabel="gap, median of all runs")

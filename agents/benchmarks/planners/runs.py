@@ -13,12 +13,11 @@ from joblib import delayed
 
 from agents.policies.warm_up import warm
 from agents.runtime.executors import map_in_processes
-from ferguson_gym.curves.path import Path
+from ferguson_gym.curves import Path
 from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.exact import exact_length, gap
-from ferguson_gym.world.feasibility import inspect, is_feasible
-from ferguson_gym.world.field import Field
+from ferguson_gym.shortest_paths import exact_length, gap
+from ferguson_gym.world import Field, inspect, is_feasible
 from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Plan, Route, Status, initial_state
 
@@ -124,14 +123,9 @@ def certified(control: Array, field: Field) -> bool:
 def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     """Plan one field from its start and measure the plan; called in worker processes.
 
-    A crash of a planner's library is a failed plan. Any other error is raised with a note that
-    names the planner and the field.
-
-    Args:
-        name: of the planner.
-        seconds: search time of a planner with a budget [s]; None: its own budget.
-        field: field to plan.
-        seed: of the planner.
+    `seconds` is the search time of a planner with a budget [s]; None: its own budget. A crash of a
+    planner's library is a failed plan. Any other error is raised with a note that names the planner
+    and the field.
 
     Raises:
         ValueError: the planner is unknown.
@@ -151,19 +145,13 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
 
 def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> Run:
     """Measure a plan that took some seconds."""
-    status = plan.status.label
-    path: Path | None = None
-    if plan.success:
-        if certified(plan.control, field):
-            path = plan.path
-        else:
-            status = FALSE_SUCCESS
+    path = plan.path if plan.success and certified(plan.control, field) else None
     radius = None if path is None else path.min_turn_radius
     return Run(
         planner=name,
         field=field,
         seed=seed,
-        status=status,
+        status=plan.status.label if path is not None or not plan.success else FALSE_SUCCESS,
         route=plan.route,
         control=np.empty((0, 4, 2)) if path is None else path.control,
         exact_length=exact_length(field),

@@ -14,8 +14,7 @@ from agents.evaluation.report.svg import draw_chain, draw_field
 from agents.evaluation.results import Paths
 from agents.flights.flight_table import FlightTable
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Outcome
 
 BUDGET = 4_000_000
 """Characters that flights and fields may take."""
@@ -62,14 +61,9 @@ def browser(
 ) -> dict[str, Any]:
     """The data of the flight browser.
 
-    Scenes with failures come first, then those with the largest gaps. Scenes beyond the budget are
-    left out, and `note` says so.
-
-    Args:
-        flights: All flights of an evaluation.
-        paths: Their paths; None if there are none.
-        fields: By name; a field that is not there is drawn if its name defines it.
-        budget: Characters.
+    Scenes with failures come first, then those with the largest gaps. Scenes beyond the budget
+    [characters] are left out, and `note` says so. A field that is not in `fields` is drawn if its
+    name defines it.
 
     Returns:
         `fields`, `scenes` (a field's index, a seed, runs), `total` scenes and `note`.
@@ -144,13 +138,9 @@ def _at_most(
     found: set[Scene] = set()
     used, limit = 0, -1.0
     for scene, current in ranking.within(budget):
-        if (
-            current != limit
-        ):  # each pass counts from the start, so that none of its scenes is missed
+        if current != limit:  # each pass counts from the start, so that it misses no scene
             used, limit = 0, current
-        if used >= limit:
-            continue
-        if scene not in found:
+        if used < limit and scene not in found:
             used += int((_FLIGHT + _SEGMENT * segments[scenes[scene]]).sum())
             found.add(scene)
     return found

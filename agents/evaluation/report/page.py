@@ -16,8 +16,7 @@ from agents.evaluation.summary import timed
 from agents.flights.flight_table import FlightTable
 from ferguson_gym.runtime.arrays import LARGEST
 from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Outcome
 
 REPORT = "report.html"
 _TEMPLATE = "template.html"
@@ -62,15 +61,9 @@ def write_page(
     fields: Mapping[str, Field],
     budget: int = BUDGET,
 ) -> None:
-    """Write the page of an evaluation.
+    """Write the page of an evaluation; of the summary only `statistics` must be there.
 
-    Args:
-        path: Of the file.
-        flights: All flights.
-        paths: Their paths; None if there are none.
-        summary: The object of summary.json; only `statistics` must be there.
-        fields: By name, as far as their names do not define them.
-        budget: Characters that flights may take.
+    Other arguments are as in `write_report`.
 
     Raises:
         ValueError: The paths are damaged.
@@ -106,12 +99,10 @@ def page(data: Mapping[str, Any]) -> str:
 def headline(found: Mapping[str, Any]) -> dict[str, Any]:
     """The title, and the sentences below it."""
     policies = found["policies"]
-    title = (
-        f"{_number(len(policies), 'policy', 'policies')} on "
-        f"{_number(found['fields'], 'field', 'fields')}"
-    )
     if not policies:
         return {"title": "No flights", "sentences": ["This evaluation holds no flights."]}
+    number = _number(len(policies), "policy", "policies")
+    title = f"{number} on {_number(found['fields'], 'field', 'fields')}"
     successes = sum(one["successes"] for one in policies)
     reached = f"{successes:,} of {found['flights']:,} flights reached the goal"
     if len(policies) == 1:

@@ -10,11 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.exact import shortest_path
-from ferguson_gym.shortest_paths.taut_path import ShortestPath
-from ferguson_gym.world import field_names
+from ferguson_gym.shortest_paths import ShortestPath, shortest_path
+from ferguson_gym.world import Discs, field_names
 from ferguson_gym.world.field import BOUNDS, Field
-from ferguson_gym.world.obstacles import Discs
 
 
 def draw_chain(control: Array) -> str:
@@ -51,19 +49,11 @@ def draw_shortest(path: ShortestPath) -> str:
 def draw_field(name: str, fields: Mapping[str, Field]) -> dict[str, Any]:
     """Bounds, start, goal, discs and shortest path of a field, as far as they are known.
 
-    Args:
-        name: Of the field.
-        fields: By name; a field that is not there is drawn if its name defines it.
+    A field that is not in `fields` is drawn if its name defines it.
     """
     field = fields[name] if name in fields else _named(name)
-    drawn: dict[str, Any] = {
-        "name": name,
-        "bounds": _centimetres(np.repeat(BOUNDS, 2)).tolist(),
-        "start": None,
-        "goal": None,
-        "discs": None,
-        "shortest": None,
-    }
+    drawn: dict[str, Any] = {"name": name, "bounds": _centimetres(np.repeat(BOUNDS, 2)).tolist()}
+    drawn |= dict.fromkeys(("start", "goal", "discs", "shortest"))
     if field is None or len(field.start) != 2:
         return drawn
     drawn["bounds"] = _centimetres(field.bounds).ravel().tolist()

@@ -18,15 +18,14 @@ from matplotlib.patches import Circle
 from matplotlib.transforms import Affine2D
 from rich.progress import Progress
 
-from agents.flights.flight import Flight
+from agents.flights import Flight
 from agents.plots.animation.frames import Frame, frames_of
 from agents.plots.animation.gif import Palette, Pixels, write_gif
-from ferguson_gym.curves.splines import evaluate
+from ferguson_gym.curves import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.shortest_paths import DistanceToGoal
+from ferguson_gym.world import Discs, Field
 
 SIZE = 720
 """Pixels along the longer side of the field; narrow fields get room for the caption below."""
@@ -145,10 +144,8 @@ def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:
 
 def _draw_reach(axes: Axes, field: Field, origin: Array, reach: float) -> None:
     """Draw the range of a plan and the obstacles in it."""
-    circle = Circle(
-        tuple(origin), reach, fill=False, ec=drawing.HORIZON, lw=0.8, ls=(0, (1, 3)), zorder=1
-    )
-    axes.add_patch(circle)
+    look: dict[str, Any] = {"ec": drawing.HORIZON, "lw": 0.8, "ls": (0, (1, 3)), "zorder": 1}
+    axes.add_patch(Circle(tuple(origin), reach, fill=False, **look))
     drawing.draw_obstacles(axes, field.obstacles.near(origin, reach), drawing.SEEN)
 
 
@@ -168,9 +165,8 @@ def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]
     """Write a text below the field."""
     wide, tall = figure.get_size_inches() * _DPI
     x = _FRAME / wide if side == "left" else 1.0 - _FRAME / wide
-    y = (0.5 * _CAPTION + 2) / tall
-    place = figure.transFigure
-    axes.text(x, y, text, transform=place, ha=side, va="center_baseline", parse_math=False)
+    place: Any = {"transform": figure.transFigure, "ha": side, "va": "center_baseline"}
+    axes.text(x, (0.5 * _CAPTION + 2) / tall, text, parse_math=False, **place)
 
 
 def animate(flight: Flight, path: Path, progress: Progress) -> int:

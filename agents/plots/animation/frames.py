@@ -7,11 +7,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from agents.flights.flight import Flight
-from ferguson_gym.curves.arc_length import length
-from ferguson_gym.curves.splines import derivative, evaluate
+from agents.flights import Flight
+from ferguson_gym.curves import derivative, evaluate, length
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 
 OPENING, MOVE, END = 1.2, 0.05, 4.0
@@ -23,10 +22,7 @@ STRIDE = 1.5
 MOVES = 100
 """Approximate number of frames in motion of a flight that is longer than this many strides."""
 _T = np.linspace(0.0, 1.0, 121)
-
-
-def _none() -> Array:
-    return np.empty((0, 4, 2))
+_NO_SEGMENTS, _NO_POINTS = np.empty((0, 4, 2)), np.empty((0, 2))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -40,11 +36,11 @@ class Frame:
     """(2,) of the vehicle [m]."""
     heading: Array
     """(2,) its derivative [m per unit t]."""
-    flown: Array = field(default_factory=_none)
+    flown: Array = field(default_factory=lambda: _NO_SEGMENTS)
     """Segments (n, 4, 2) that are flown completely."""
-    trail: Array = field(default_factory=lambda: np.empty((0, 2)))
+    trail: Array = field(default_factory=lambda: _NO_POINTS)
     """Points (m, 2) of the part of the current segment that is flown [m]."""
-    plan: Array = field(default_factory=_none)
+    plan: Array = field(default_factory=lambda: _NO_SEGMENTS)
     """Planned segments (n, 4, 2)."""
     candidates: Sequence[Array] = ()
     """Initial guesses, each (n, 4, 2)."""
@@ -79,11 +75,11 @@ def frames_of(flight: Flight) -> Iterator[Frame]:
     )
     yield frame
     for step in range(max(len(control), len(flight.decisions))):
-        frame = replace(frame, flown=control[:step], trail=np.empty((0, 2)))
+        frame = replace(frame, flown=control[:step], trail=_NO_POINTS)
         distance = float(lengths[:step].sum())
         frame = _intent(flight, step, replace(frame, caption=_caption(flight, step, distance)))
         if frame.candidates:
-            yield replace(frame, plan=_none(), start=None, seconds=pause)
+            yield replace(frame, plan=_NO_SEGMENTS, start=None, seconds=pause)
         if len(frame.plan) and (frame.candidates or step == 0):
             yield replace(frame, candidates=(), seconds=pause if frame.candidates else OPENING)
         if step == len(control):
@@ -97,15 +93,7 @@ def frames_of(flight: Flight) -> Iterator[Frame]:
 def _motion(
     flight: Flight, step: int, frame: Frame, stride: float, distance: float
 ) -> Iterator[Frame]:
-    """The frames in which a segment is flown, at even distances.
-
-    Args:
-        flight: the flight.
-        step: number of the segment.
-        frame: the frame before.
-        stride: distance between frames [m].
-        distance: flown before the segment [m].
-    """
+    """The frames in which a segment is flown, one a stride [m], after some flown distance [m]."""
     control = flight.control[step]
     metres = float(length(control))
     points, slopes = evaluate(control, _T), derivative(control, _T)
@@ -140,7 +128,7 @@ def _intent(flight: Flight, step: int, frame: Frame) -> Frame:
     if step >= len(flight.decisions):  # a whole-path plan, which is tracked
         return replace(frame, plan=frame.plan[1:])
     decision = flight.decisions[step]
-    plan = _none() if decision.chain is None else decision.chain
+    plan = _NO_SEGMENTS if decision.chain is None else decision.chain
     candidates = [guess for _, guess in decision.candidates]
     chosen = [guess for name, guess in decision.candidates if name == decision.report.start]
     searched = len(candidates) > 0
@@ -168,8 +156,8 @@ def _end(flight: Flight, frame: Frame) -> Frame:
         seconds=END,
         caption=text,
         flown=flight.control,
-        trail=np.empty((0, 2)),
-        plan=_none(),
+        trail=_NO_POINTS,
+        plan=_NO_SEGMENTS,
         candidates=[guess for _, guess in last],
         start=None,
         origin=None if flight.success else frame.origin,
