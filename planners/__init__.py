@@ -20,12 +20,9 @@ if TYPE_CHECKING:
     from planners.registry import PLANNERS as PLANNERS
     from planners.registry import make as make
 else:  # a type checker that saw it would accept any name
-    _MODULES = {
-        **dict.fromkeys(("PLANNERS", "make"), "planners.registry"),
-        **dict.fromkeys(
-            ("Decision", "Plan", "Planner", "Replanner", "State", "Status"), "planners.interface"
-        ),
-    }
+    _INTERFACE = ("Decision", "Plan", "Planner", "Replanner", "State", "Status")
+    _MODULES = dict.fromkeys(_INTERFACE, "planners.interface")
+    _MODULES |= dict.fromkeys(("PLANNERS", "make"), "planners.registry")
 
     def __getattr__(name):
         """Import a public name when it is first used."""

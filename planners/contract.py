@@ -15,17 +15,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from ferguson_gym.world.transition import fly_segment
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, fly_segment, is_feasible
 from planners.interface import Plan, Planner, Replanner, State, initial_state
 
 
 def check_planner(
     planner: Planner, field: Field, seed: int = 0, limits: Limits = PAPER_LIMITS
 ) -> Plan:
-    """Check the promises of a planner in one field.
+    """Check the promises of a planner in one field, best one that it solves.
 
     - A plan is a feasible chain from the given state, and a solved plan ends on the goal.
     - The same seed gives the same plan: randomness comes from (seed, step) alone.
@@ -35,11 +32,7 @@ def check_planner(
     - The first segment that a replanner decides is the first of its plan.
     - Planning changes neither the field nor the state.
 
-    Args:
-        planner: to check.
-        field: to plan in. Choose one that the planner solves: most promises concern solved plans.
-        seed: of the planner.
-        limits: of the planner's segments.
+    Most promises concern solved plans. `limits` are those of the planner's segments.
 
     Returns:
         The plan from the start of the field.

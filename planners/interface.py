@@ -17,11 +17,7 @@ import numpy as np
 
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
-from ferguson_gym.world.feasibility import Inspection
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Inspection, Limits, Outcome, transition
 
 
 class Status(Enum):
@@ -29,12 +25,7 @@ class Status(Enum):
 
     SOLVED = ("solved", "found a feasible path to the goal", Outcome.GOAL_REACHED)
     STUCK = ("stuck", "found no feasible window from where it was", Outcome.GAVE_UP)
-    OUT_OF_SEGMENTS = (
-        "out_of_segments",
-        Outcome.OUT_OF_SEGMENTS.sentence,
-        Outcome.OUT_OF_SEGMENTS,
-    )
-
+    OUT_OF_SEGMENTS = ("out_of_segments", Outcome.OUT_OF_SEGMENTS.sentence, Outcome.OUT_OF_SEGMENTS)
     NO_ROUTE = ("no_route", "found no way to the goal", Outcome.GAVE_UP)
     NOT_FITTED = (
         "not_fitted",

@@ -8,21 +8,16 @@ from typing import Any
 
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
-from planners.interface import Iterations, Planner, Replanner
-from planners.optimization.initial_guesses import Proposer
-from planners.optimization.sqp.multi_start import MultiStart
-from planners.receding_horizon.guided import Guided
-from planners.receding_horizon.paper import RecedingHorizon
-from planners.receding_horizon.pursuit import Pursuit
+from planners.interface import Iterations, Planner, Replanner, Router
+from planners.optimization import MultiStart, Proposer
+from planners.receding_horizon import Guided, Pursuit, RecedingHorizon
 from planners.whole_path.astar import AStar
 from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.ompl import Ompl
 from planners.whole_path.planner import WholePath
 from planners.whole_path.swarm import bees, particles
 from planners.whole_path.voronoi import VoronoiEdges
-from planners.wrappers.backtracking import Backtracking
-from planners.wrappers.limited_sensing import Sensing
-from planners.wrappers.safety_margin import Margin
+from planners.wrappers import Backtracking, Margin, Sensing
 
 
 def single_start() -> RecedingHorizon:
@@ -35,65 +30,35 @@ def multi_start() -> RecedingHorizon:
     return RecedingHorizon()
 
 
-def shortest() -> WholePath:
-    """Segments fitted to the exact shortest path."""
-    return WholePath(router=ShortestPathRouter())
+def _fitted(router: Callable[..., Router], *needs: str, **options: Any) -> Callable[[], WholePath]:
+    """A constructor of planners that fit segments to routes; needs: the arguments of `require`."""
+
+    def construct() -> WholePath:
+        if needs:
+            require(*needs)
+        return WholePath(router=router(**options))
+
+    return construct
 
 
-def voronoi() -> WholePath:
-    """Segments fitted to a route along the Voronoi diagram of the obstacles' centres."""
-    return WholePath(router=VoronoiEdges())
-
-
-def astar() -> WholePath:
-    """Segments fitted to a shortened A* path on a grid.
-
-    Raises:
-        ValueError: networkx is not installed.
-    """
-    require("astar", "networkx", "networkx")
-    return WholePath(router=AStar())
-
-
-def rrt() -> WholePath:
-    """A rapidly exploring random tree, from OMPL."""
-    return WholePath(router=Ompl(algorithm="rrt", budget=Iterations(100_000)))
-
-
-def rrt_star() -> WholePath:
-    """RRT*, from OMPL."""
-    return WholePath(router=Ompl(algorithm="rrt-star", budget=Iterations(12_000)))
-
-
-def prm() -> WholePath:
-    """A probabilistic roadmap, from OMPL."""
-    return WholePath(router=Ompl(algorithm="prm", budget=Iterations(10_000)))
-
-
-def bit_star() -> WholePath:
-    """Batch informed trees, BIT*, from OMPL."""
-    return WholePath(router=Ompl(algorithm="bit-star", budget=Iterations(40)))
-
-
-def pso() -> WholePath:
-    """Segments fitted to a route by particle swarms.
-
-    Raises:
-        ValueError: pygmo is not installed.
-    """
-    require("pso", "pygmo", "pygmo")
-    return WholePath(router=particles())
-
-
-def abc() -> WholePath:
-    """Segments fitted to a route by artificial bee colonies.
-
-    Raises:
-        ValueError: pygmo is not installed.
-    """
-    require("abc", "pygmo", "pygmo")
-    return WholePath(router=bees())
-
+shortest = _fitted(ShortestPathRouter)
+"""Segments fitted to the exact shortest path."""
+voronoi = _fitted(VoronoiEdges)
+"""Segments fitted to a route along the Voronoi diagram of the obstacles' centres."""
+astar = _fitted(AStar, "astar", "networkx", "networkx")
+"""Segments fitted to a shortened A* path on a grid."""
+rrt = _fitted(Ompl, algorithm="rrt", budget=Iterations(100_000))
+"""A rapidly exploring random tree, from OMPL."""
+rrt_star = _fitted(Ompl, algorithm="rrt-star", budget=Iterations(12_000))
+"""RRT*, from OMPL."""
+prm = _fitted(Ompl, algorithm="prm", budget=Iterations(10_000))
+"""A probabilistic roadmap, from OMPL."""
+bit_star = _fitted(Ompl, algorithm="bit-star", budget=Iterations(40))
+"""Batch informed trees, BIT*, from OMPL."""
+pso = _fitted(particles, "pso", "pygmo", "pygmo")
+"""Segments fitted to a route by particle swarms."""
+abc = _fitted(bees, "abc", "pygmo", "pygmo")
+"""Segments fitted to a route by artificial bee colonies."""
 
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
@@ -110,9 +75,7 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "pso": pso,
     "abc": abc,
 }
-"""Constructors of planners by name."""
-
-
+"""Constructors of planners by name; they raise a ValueError if a library is not installed."""
 OPTIONS = "NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES, NAME+sensing=METRES or several"
 """The options that a planner's name may carry, as shown to users."""
 _METRES = {"turn": "a turn radius", "margin": "a margin", "sensing": "a sensing range"}
@@ -246,12 +209,9 @@ def make(name: str) -> Planner:
 
 
 def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
-    """A planner whose windows start from proposals.
+    """A planner whose windows start from proposals; its name is for errors.
 
-    Args:
-        planner: single-start or multi-start, with backtracking or limited sensing or without.
-        proposer: proposes the starts.
-        name: of the planner, for errors.
+    Single-start and multi-start take them, with backtracking or limited sensing or without.
 
     Raises:
         ValueError: the planner takes no starts.

@@ -8,30 +8,28 @@ from dataclasses import replace
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Field, Limits, Outcome, is_feasible
 from ferguson_gym.world.transition import Follow, Step, fly_segment
 from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import Decision, Plan, Replanner, State, Status
 from planners.optimization.initial_guesses import shifted
 
-_STATUS = {
-    Outcome.GOAL_REACHED: Status.SOLVED,
-    Outcome.OUT_OF_SEGMENTS: Status.OUT_OF_SEGMENTS,
-}
+_STATUS = {status.outcome: status for status in (Status.SOLVED, Status.OUT_OF_SEGMENTS)}
 """A rollout that ends with another outcome is stuck."""
 
 
-def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
-    """The state after the first segment of a chain (n, 4, 2) was flown.
+class StepByStep:
+    """Plans whole flights by deciding one segment after another."""
 
-    Args:
-        state: before the segment.
-        chain: the planned segments, the first of them flown.
-        vehicle: where the flight of that segment ended.
-    """
+    __slots__ = ()
+
+    def plan(self: Replanner, field: Field, state: State, seed: int) -> Plan:
+        """Plan from a state to the goal, with the errors that `decide` raises."""
+        return roll_out(self, field, state, seed)
+
+
+def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
+    """The state after the first segment of a chain (n, 4, 2) was flown and ended at `vehicle`."""
     before = state.vehicle
     segment = before.position, vehicle.position, before.derivative, vehicle.derivative
     return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
@@ -42,11 +40,9 @@ def remaining_plan(
 ) -> tuple[Array, Step] | None:
     """The segments (n, 4, 2) of an earlier plan still to be flown, and the first one as flown.
 
-    All of them are certified again: the flown part ended where a float32 action took it, not
-    where it was planned, and the field may have changed, as it does under limited sensing.
-
-    Returns:
-        None if nothing is left of the plan, or if it is infeasible from the state reached.
+    None if nothing is left, or if it is infeasible from the state reached. All are certified again:
+    the flown part ended where a float32 action took it, not where it was planned, and the field may
+    have changed, as it does under limited sensing.
     """
     if len(state.tail) == 0:
         return None
@@ -83,13 +79,8 @@ def roll_out(
 ) -> Plan:
     """Decide and fly one segment after another until the flight ends.
 
-    Args:
-        planner: decides the segments.
-        field: where they are flown.
-        state: where the flight begins.
-        seed: of the planner.
-        follow: flies a segment. By default as the environment does, rounded to a float32 action,
-            so that the plan and its flight are equal bit for bit.
+    `follow` flies a segment: by default as the environment does, rounded to a float32 action, so
+    that the plan and its flight are equal bit for bit.
     """
     if (ended := finished(field, state, planner.limits)) is not None:
         return ended
@@ -100,13 +91,12 @@ def roll_out(
         decisions.append(decision)
         if decision.chain is None:
             break
+        chain, step = decision.chain, decision.first_step
         # certified where it was decided, unless the planner knew only a part of the field
-        step = decision.first_step or follow(
-            field, state.vehicle, decision.chain[0], planner.limits
-        )
+        step = step or follow(field, state.vehicle, chain[0], planner.limits)
         if not step.flown:
             break
-        state, outcome = successor(state, decision.chain, step.state), step.outcome
+        state, outcome = successor(state, chain, step.state), step.outcome
         states.append(state)
         steps.append(step)
     status = _STATUS.get(outcome, Status.STUCK)
@@ -116,12 +106,9 @@ def roll_out(
 def fly_chain(
     chain: Array, field: Field, state: State, limits: Limits
 ) -> tuple[list[Step], list[State]]:
-    """Fly segments (n, 4, 2), rounded to float32 actions, up to the first infeasible one.
+    """Fly segments (n, 4, 2) up to the first infeasible one: the m steps and the m + 1 states.
 
-    Rounding changes the segments, so that each is certified again as it is flown.
-
-    Returns:
-        The m steps flown and the m + 1 states.
+    Each is certified again as it is flown, since rounding to float32 actions changes it.
     """
     states, steps = [state], []
     for k, segment in enumerate(chain):

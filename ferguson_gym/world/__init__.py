@@ -13,6 +13,7 @@ from ferguson_gym.world.feasibility import is_feasible as is_feasible
 from ferguson_gym.world.field import Field as Field
 from ferguson_gym.world.field_names import get_field as get_field
 from ferguson_gym.world.field_names import get_fields as get_fields
+from ferguson_gym.world.limits import PAPER_LIMITS as PAPER_LIMITS
 from ferguson_gym.world.limits import Limits as Limits
 from ferguson_gym.world.obstacles import Discs as Discs
 from ferguson_gym.world.obstacles import Obstacles as Obstacles

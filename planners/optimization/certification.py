@@ -11,13 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.turn_radius import keeps_turn_radius
+from ferguson_gym.world import is_feasible, keeps_turn_radius
 from planners.optimization.window import Window
 
 AIM = 1e-6
 """Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
-
 ROUNDS = 12
 """Most solves of one window."""
 
@@ -62,13 +60,9 @@ class WindowSolver(Protocol):
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Solve a window from each of some guesses, which need not be feasible.
+        """Solve a window from each of some guesses (n, 4, D), which need not be feasible.
 
-        Args:
-            window: the problem.
-            guesses: segments (n, 4, D) each.
-            until: deadline on the clock of `time.perf_counter` [s], after which the solver stops
-                with the best solutions so far.
+        Past `until`, on the clock of `time.perf_counter` [s], the best solutions so far are final.
         """
 
 

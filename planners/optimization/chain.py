@@ -60,15 +60,8 @@ class Chain:
         return knots[self.free]
 
     def pull(self, rows: Array, segment: NDArray[np.intp]) -> Array:
-        """Gradients with respect to x: (m, unknowns).
-
-        Args:
-            rows: (m, 4, D) gradients with respect to one segment's control array.
-            segment: (m,) which segment each row belongs to.
-        """
-        m = len(rows)
-        whole = np.zeros((m, *self.knots.shape))
-        index = np.arange(m)
+        """Gradients by x (m, unknowns) from those by a segment each (m, 4, D); `segment`: (m,)."""
+        whole, index = np.zeros((len(rows), *self.knots.shape)), np.arange(len(rows))
         whole[index, segment] = rows[:, 0::2]
         whole[index, segment + 1] = rows[:, 1::2]
         return whole[:, self.free]

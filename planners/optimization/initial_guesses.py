@@ -1,8 +1,5 @@
 """First guesses for a window: the shifted plan, a straight line, random feasible chains.
 
-The paper leaves open the derivatives of its random guesses and the very first guess; the docstrings
-name the choices made here.
-
 Reference:
     The paper, section III-C6.
 """
@@ -15,9 +12,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import State
+from ferguson_gym.world import Field, Limits, State
 
 RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
 """Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""
@@ -58,25 +53,18 @@ def straight_ahead(state: State, segments: int, limits: Limits) -> Array:
     """
     step = 0.5 * (limits.shortest + limits.longest)
     speed = np.linalg.norm(state.derivative)
+    ahead = step * np.eye(len(state.derivative))[0]  # along the first axis, as actions do
     if speed > 0.0:
         ahead = step * state.derivative / speed
-    else:  # along the first axis, as actions do
-        ahead = step * np.eye(len(state.derivative))[0]
     points = state.position + np.arange(segments + 1)[:, None] * ahead
     return catmull_rom(state, points)
 
 
 def shifted(state: State, tail: Array, segments: int) -> Array:
-    """The rest of the last plan, padded by repeating its last point and derivative.
+    """The rest (m, 4, D) of the last plan from a state, padded to a chain (segments, 4, D).
 
-    Args:
-        state: where the vehicle is; the chain starts there.
-        tail: (m, 4, D) segments planned and not flown, m >= 1.
-        segments: number of segments of the chain.
-
-    Returns:
-        (segments, 4, D); repeated segments have length zero, which is infeasible, but a solver
-        can extend them.
+    m >= 1. The padding repeats the last point and derivative: its segments have length zero, which
+    is infeasible, but a solver can extend them.
     """
     chain = np.empty((segments, 4, tail.shape[-1]))
     chain[: len(tail)] = tail[:segments]
@@ -89,11 +77,7 @@ def shifted(state: State, tail: Array, segments: int) -> Array:
 def along_route(state: State, points: Array, segments: int, length: float) -> Array:
     """A chain (segments, 4, 2) with evenly spaced knots on the first part of a route.
 
-    Args:
-        state: where the chain starts.
-        points: (m, 2) of the route, which begins at the state [m].
-        segments: number of segments of the chain.
-        length: of the first part, measured along the points [m].
+    The points (m, 2) of the route begin at the state; `length` is measured along them [m].
     """
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(chords)])
@@ -107,8 +91,8 @@ def random_chains(
     """Random chains (count, segments, 4, 2); they need not be feasible.
 
     Each point lies in a uniformly random direction from the one before, at a distance drawn
-    uniformly between the shortest and the longest segment. Our choice of derivatives is that of
-    `catmull_rom`.
+    uniformly between the shortest and the longest segment. The paper leaves the derivatives open:
+    our choice is that of `catmull_rom`.
     """
     distance = stream.uniform(limits.shortest, limits.longest, (count, segments))
     angle = stream.uniform(-np.pi, np.pi, (count, segments))

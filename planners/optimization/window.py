@@ -112,11 +112,7 @@ def _sampled(window: Window) -> Problem:
 
 
 def horizon_window(
-    field: Field,
-    vehicle: transition.State,
-    limits: Limits,
-    settings: WindowSettings,
-    segments: int,
+    field: Field, vehicle: transition.State, limits: Limits, settings: WindowSettings, segments: int
 ) -> Window:
     """The look-ahead window: get close to the goal directly, among the obstacles within reach.
 
@@ -136,11 +132,7 @@ def horizon_window(
 
 
 def final_window(
-    field: Field,
-    vehicle: transition.State,
-    limits: Limits,
-    settings: WindowSettings,
-    segments: int,
+    field: Field, vehicle: transition.State, limits: Limits, settings: WindowSettings, segments: int
 ) -> Window:
     """The final window: the shortest chain that ends on the goal, among all obstacles.
 

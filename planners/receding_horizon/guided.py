@@ -19,28 +19,18 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
-from ferguson_gym.world import transition
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, Step, is_feasible, transition
 from ferguson_gym.world.turn_radius import check_turn_radius, keeps_turn_radius
-from planners.interface import Decision, Plan, State, WindowReport
+from planners.interface import Decision, State, WindowReport
+from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
-from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import LengthObjective
-from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.sqp.turn_contacts import WIDER
-from planners.optimization.window import (
-    SIDE_OFFSET,
-    SMOOTH,
-    Window,
-    WindowSettings,
-    final_window,
-)
+from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, final_window
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_in import turned
-from planners.rollout import ends_on_goal, remaining_plan, roll_out
+from planners.rollout import StepByStep, ends_on_goal, remaining_plan
 from planners.whole_path.exact import SPACING
 
 
@@ -54,7 +44,7 @@ class Start(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Guided:
+class Guided(StepByStep):
     """The paper's receding horizon, guided by the exact distance to the goal.
 
     Raises:
@@ -77,16 +67,8 @@ class Guided:
         if self.min_turn_radius is not None:
             check_turn_radius(self.min_turn_radius, self.limits.tolerance)
 
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; the seed has no effect.
-
-        Raises:
-            TypeError: obstacles other than discs in the plane.
-        """
-        return roll_out(self, field, state, seed)
-
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it.
+        """Decide the next segment, and the segments meant to follow it; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
@@ -171,26 +153,20 @@ class Guided:
         window = final_window(field, vehicle, self.limits, self.settings, segments)
         return replace(window, turn_radius=self.min_turn_radius or 0.0)
 
-    def _remaining(self, field: Field, state: State) -> tuple[Array, transition.Step] | None:
+    def _remaining(self, field: Field, state: State) -> tuple[Array, Step] | None:
         """The rest of the last plan and its first segment as flown, if they are feasible."""
         rest = remaining_plan(field, state, self.limits)
         return rest if rest is not None and self._turns(rest[1].control) else None
 
-    def _fly(
-        self, field: Field, vehicle: transition.State, segment: Array
-    ) -> transition.Step | None:
-        """A segment (4, 2) of a certified chain as it is flown; None if it is infeasible.
-
-        It is certified once more because rounding to a float32 action changes it.
-        """
+    def _fly(self, field: Field, vehicle: transition.State, segment: Array) -> Step | None:
+        """A segment (4, 2) as flown, certified since rounding changes it; None if it fails."""
         step = transition.fly_segment(field, vehicle, segment, self.limits)
         return step if step.flown and self._turns(step.control) else None
 
     def _turns(self, segment: Array) -> bool:
         """Whether a segment (4, 2) keeps the turn radius."""
-        if self.min_turn_radius is None:
-            return True
-        return bool(keeps_turn_radius(segment, self.min_turn_radius, self.limits.tolerance))
+        radius = self.min_turn_radius
+        return radius is None or bool(keeps_turn_radius(segment, radius, self.limits.tolerance))
 
     def _can_be_continued(self, field: Field, chain: Array) -> bool:
         """Whether a chain (n, 4, 2) ends on the goal or where a feasible segment is found."""

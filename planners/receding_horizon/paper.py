@@ -19,21 +19,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, transition
 from ferguson_gym.world.actions import REACH
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Decision, Plan, State, WindowReport
+from planners.optimization import FirstGuess, MultiStart, Proposer, RandomGuess
 from planners.optimization.certification import Certified, WindowSolver
-from planners.optimization.initial_guesses import (
-    FirstGuess,
-    Proposer,
-    RandomGuess,
-    random_chains,
-    shifted,
-    shifted_or_straight,
-)
-from planners.optimization.sqp.multi_start import MultiStart
+from planners.optimization.initial_guesses import random_chains, shifted, shifted_or_straight
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
 from planners.rollout import ends_on_goal, remaining_plan, roll_out
 
@@ -209,10 +200,7 @@ class RecedingHorizon:
         return final
 
     def _fly(self, field: Field, search: _Search, end: Certified) -> transition.Step | None:
-        """The first segment of a certified chain as it is flown; None if it is infeasible.
-
-        It is certified once more because rounding to a float32 action changes it.
-        """
+        """The first segment as flown, certified since rounding changes it; None if it fails."""
         if not end.feasible:
             return None
         step = self.follow(field, search.state.vehicle, end.control[0], self.limits)

@@ -20,16 +20,12 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.shortest_paths.taut_path import ShortestPath
-from ferguson_gym.world import transition
-from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
+from ferguson_gym.world import PAPER_LIMITS, Discs, Limits, is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from ferguson_gym.world.obstacles import Discs
-from planners.interface import Decision, Plan, Replanner, State, WindowReport
+from planners.interface import Decision, Replanner, State, WindowReport
 from planners.receding_horizon.guided import Guided
-from planners.rollout import roll_out
+from planners.rollout import StepByStep
 
 SPACING = 0.25
 """Distance between points on the path [m]."""
@@ -49,7 +45,7 @@ class Surroundings(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pursuit:
+class Pursuit(StepByStep):
     """A planner that pursues the shortest path at a distance from obstacles.
 
     Raises:
@@ -75,17 +71,8 @@ class Pursuit:
         if not all(0.0 < length < math.inf for length in self.others):
             raise ValueError(f"others must be lengths above 0 m, got {self.others!r}")
 
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; the seed has no effect.
-
-        Raises:
-            TypeError: obstacles other than discs.
-            ValueError: a field that is not planar.
-        """
-        return roll_out(self, field, state, seed)
-
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the one meant to follow it.
+        """Decide the next segment, and the one meant to follow it; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs.
@@ -129,14 +116,10 @@ class Pursuit:
 
 @lru_cache(maxsize=2)
 def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
-    """Grow a field's discs by a margin, or by less where that would close a gap.
+    """Grow a field's discs by a margin [m], or by less where that would close a gap.
 
-    Start and goal stay outside of the grown discs. Results are cached by the field's identity.
-
-    Args:
-        field: of discs in the plane.
-        margin: by which discs are grown at most [m].
-        narrowest: width of the narrowest gaps that must stay open [m].
+    Gaps narrower than `narrowest` [m] may close. Start and goal stay outside of the grown discs.
+    Results are cached by the field's identity.
 
     Raises:
         TypeError: obstacles other than discs.

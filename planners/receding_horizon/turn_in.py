@@ -15,18 +15,10 @@ _ANGLES = np.linspace(0.0, 2.0 * math.pi, 145)
 
 
 def turned(state: State, points: Array, radius: float) -> list[Array]:
-    """Prefix a route with a turn to the left and with a turn to the right.
+    """Prefix a route (m, 2) with a turn of some radius to the left, and with one to the right [m].
 
-    The results are first guesses: they may collide, and have a corner where the tangent from the
-    circle meets the route.
-
-    Args:
-        state: position and heading at which the routes leave.
-        points: (m, 2) of the route [m].
-        radius: of the circles [m].
-
-    Returns:
-        Points (k, 2) of each route; a turn that never faces the route is left out.
+    The results (k, 2) are first guesses: they may collide, and have a corner where the tangent from
+    the circle meets the route. A turn that never faces the route is left out.
     """
     away = np.linalg.norm(points - state.position, axis=1) >= _FAR * radius
     meeting = int(away.argmax()) if away.any() else len(points) - 1

@@ -20,8 +20,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.tangents import Integers
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field, transition
 from planners.interface import Route
 from planners.whole_path.line_of_sight import lines_clear, scene_from
 from planners.whole_path.shortcut import shortcut

@@ -6,8 +6,7 @@ import time
 from dataclasses import dataclass
 
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field, transition
 from planners.interface import Route
 
 SPACING = 0.25

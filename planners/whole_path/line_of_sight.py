@@ -18,13 +18,8 @@ def scene_from(
 ) -> Scene | None:
     """The obstacles and bounds of lines from a vehicle; None if the vehicle itself collides.
 
-    If the vehicle lies in a disc or outside the bounds within the tolerance, lines may lie as deep
-    as the vehicle, but no deeper: a flight may touch obstacles and must be able to leave them.
-
-    Args:
-        field: of discs in the plane.
-        position: (2,) of the vehicle [m].
-        tolerance: depth in discs or outside the bounds up to which the vehicle is free [m].
+    If the vehicle (2,) lies in a disc or outside the bounds within the tolerance [m], lines may lie
+    as deep as it, but no deeper: a flight may touch obstacles and must be able to leave them.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
@@ -41,12 +36,8 @@ def scene_from(
 def lines_clear(scene: Scene, starts: ArrayLike, ends: ArrayLike) -> NDArray[np.bool_]:
     """Whether straight lines enter no disc and stay inside the bounds: (n,).
 
-    Exact up to the margin of `ferguson_gym.shortest_paths.tangents`, as shortest paths are.
-
-    Args:
-        scene: the obstacles and bounds.
-        starts: (n, 2), or (2,) for all lines [m].
-        ends: likewise. A line may have length zero.
+    Starts and ends are (n, 2) each, or (2,) for all lines [m]; a line may have length zero. Exact
+    up to the margin of `ferguson_gym.shortest_paths.tangents`, as shortest paths are.
     """
     lines = np.array(np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(ends)), np.float64)
     return _are_clear(scene, lines[0], lines[1])

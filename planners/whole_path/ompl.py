@@ -19,9 +19,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.shortest_paths.tangents import Records, scene
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world import PAPER_LIMITS, Field, transition
 from planners.interface import Iterations, Route, Seconds
 from planners.whole_path.subprocess_worker import Worker
 
@@ -136,12 +134,11 @@ class Ompl:
         if beyond.max() > tolerance:
             return None
         stream = np.random.default_rng([seed, vehicle.segments])
+        bounds = np.stack([np.minimum(low, vehicle.position), np.maximum(high, vehicle.position)])
         return Problem(
             algorithm=self.algorithm,
             discs=discs,
-            bounds=np.stack(
-                [np.minimum(low, vehicle.position), np.maximum(high, vehicle.position)]
-            ),
+            bounds=bounds,
             start=vehicle.position,
             goal=field.goal,
             seed=int(stream.integers(1, 2**31)),

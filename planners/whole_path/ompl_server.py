@@ -202,8 +202,7 @@ def solution(task: Task) -> Array | None:
     """Corners (n, 2) [m] of the route found; None if no route reaches the goal."""
     if not task.definition.hasExactSolution():  # an approximate one may exist
         return None
-    path = task.definition.getSolutionPath()
-    return corners(path.getStates())
+    return corners(task.definition.getSolutionPath().getStates())
 
 
 def corners(states: Iterable[Any]) -> Array:
@@ -222,9 +221,7 @@ def simplified(task: Task, points: Array, discs: Records) -> Array:
     shorter = corners(path.getStates())
     lines = np.concatenate([shorter[:-1], shorter[1:]], axis=1).tolist()
     clear = all(keeps_clear(x, y, end_x, end_y, discs) for x, y, end_x, end_y in lines)
-    if clear and length(shorter) < length(points):
-        return shorter
-    return points
+    return shorter if clear and length(shorter) < length(points) else points
 
 
 def length(points: Array) -> float:
@@ -232,12 +229,8 @@ def length(points: Array) -> float:
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
-SEARCHES: dict[Algorithm, Callable[[Task, Progress], Array | None]] = {
-    "rrt": rrt,
-    "rrt-star": rrt_star,
-    "prm": prm,
-    "bit-star": bit_star,
-}
+SEARCHES: dict[Algorithm, Callable[[Task, Progress], Array | None]]
+SEARCHES = {"rrt": rrt, "rrt-star": rrt_star, "prm": prm, "bit-star": bit_star}
 
 
 def answer(problem: Problem) -> Answer:

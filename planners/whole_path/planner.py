@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits
 from planners.interface import (
     CrashedError,
     Decision,
@@ -42,9 +41,8 @@ class WholePath:
             return ended
         began = time.perf_counter()
         chain, route, status, reason = self._chain(field, state, seed)
-        steps, states = fly_chain(
-            np.empty((0, 4, 2)) if chain is None else chain, field, state, self.limits
-        )
+        flown = np.empty((0, 4, 2)) if chain is None else chain
+        steps, states = fly_chain(flown, field, state, self.limits)
         if chain is not None and len(steps) == len(chain):
             status = Status.SOLVED
         report = WindowReport(
@@ -76,16 +74,11 @@ class WholePath:
 
 
 def with_seconds(planner: Planner, seconds: float | None) -> Planner:
-    """Give a planner's router a budget of wall-clock time.
+    """Give a planner's router a budget of wall-clock time [s].
 
-    Args:
-        planner: any planner; one without a router that has a budget is returned unchanged.
-        seconds: the budget [s]; None leaves the planner unchanged.
+    Without seconds, or without a router that has a budget, the planner is returned unchanged.
     """
-    if seconds is None or not isinstance(planner, WholePath):
+    router: Any = getattr(planner, "router", None)
+    if seconds is None or not isinstance(planner, WholePath) or not hasattr(router, "budget"):
         return planner
-    router: Any = planner.router
-    if not hasattr(router, "budget"):
-        return planner
-    bounded: Router = dataclasses.replace(router, budget=Seconds(seconds))
-    return dataclasses.replace(planner, router=bounded)
+    return dataclasses.replace(planner, router=dataclasses.replace(router, budget=Seconds(seconds)))

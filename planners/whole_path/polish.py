@@ -8,22 +8,16 @@ from numpy.typing import ArrayLike
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, transition
 from planners.optimization.window import SMOOTH, final_window
 from planners.whole_path.route_fit import SOLVER
 
 
 def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> Array:
-    """Shorten a flight: the shortest chain (n, 4, 2) found near it, with as many segments.
+    """Shorten a feasible flight (n, 4, 2) that ends on the goal, keeping its number of segments.
 
-    The result is certified feasible; it is the flight itself if no shorter chain is found.
-
-    Args:
-        control: segments (n, 4, 2) of a feasible flight that ends on the goal.
-        field: where it is flown.
-        limits: bounds on a segment.
+    The result (n, 4, 2) is certified feasible; it is the flight itself if no shorter chain is found
+    near it.
 
     Raises:
         ValueError: a control array of another shape, or a flight that does not end on the goal.

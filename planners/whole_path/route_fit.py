@@ -12,12 +12,9 @@ import numpy as np
 
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from planners.optimization.initial_guesses import along_route
+from ferguson_gym.world import Field, Limits, transition
+from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
-from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
@@ -26,18 +23,10 @@ SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
 def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
-    """Fit a chain (n, 4, 2) to a route: the shortest found, certified feasible.
+    """Fit a chain (n, 4, 2) to a route: the shortest found, certified feasible; None without one.
 
-    It starts with the vehicle's position and derivative and ends on the goal.
-
-    Args:
-        points: (m, 2) of the route, from the vehicle to the goal [m].
-        field: where the chain is flown.
-        vehicle: where the chain starts.
-        limits: bounds on a segment.
-
-    Returns:
-        None if no feasible chain is found.
+    It starts with the vehicle's position and derivative and ends on the goal, as do the route's
+    points (m, 2) [m].
     """
     left = limits.segments - vehicle.segments
     if left < 1:

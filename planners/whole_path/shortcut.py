@@ -1,8 +1,4 @@
-"""The shortest clear polyline through some points of another one.
-
-Dynamic programming backwards from the end finds it. Corners can only be at the given points: the
-result is no shorter than a string pulled tight among the obstacles.
-"""
+"""The shortest clear polyline through some points of another one, by dynamic programming."""
 
 from __future__ import annotations
 
@@ -14,13 +10,10 @@ from planners.whole_path.line_of_sight import lines_clear
 
 
 def shortcut(scene: Scene, points: Array) -> Array:
-    """The points (m, 2) [m] of the shortest clear polyline through given points in their order.
+    """The points (m, 2) of the shortest clear polyline through points (n, 2) in their order [m].
 
-    The first and the last point are kept.
-
-    Args:
-        scene: the obstacles.
-        points: (n, 2) of a polyline [m], n >= 1, assumed to be clear.
+    The given polyline is assumed to be clear, n >= 1; its ends are kept. Corners can only be at the
+    given points: the result is no shorter than a string pulled tight among the obstacles.
     """
     n = len(points)
     togo, after = np.zeros(n), np.arange(1, n + 1)

@@ -61,11 +61,9 @@ class Worker:
         return None if self._subprocess is None else self._subprocess.process.pid
 
     def ask(self, request: object, timeout: float) -> Any:
-        """Send a request and wait for the answer.
+        """Send a request, anything that can be pickled, and wait for the answer.
 
-        Args:
-            request: anything that can be pickled.
-            timeout: time limit [s]; the start of the subprocess does not count.
+        The timeout [s] does not include the start of the subprocess.
 
         Raises:
             CrashedError: The request raised an exception, or the subprocess ended or did not

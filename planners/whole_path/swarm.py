@@ -20,13 +20,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves import evaluate, length
 from ferguson_gym.curves.certified_kernels import bounds_margins
-from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world import PAPER_LIMITS, Field, transition
 from planners.interface import Evaluations, Route, Seconds
 from planners.whole_path.swarm_objective import ChainObjective, Encoding, Penalties, chain_objective
 
@@ -184,11 +181,8 @@ def particles() -> Swarms:
     If each unknown moves only one knot sideways, gaps are a little smaller, but in
     dense fields a third of the routes are lost.
     """
-    return Swarms(
-        method=Particles(),
-        encoding=Encoding(spacing=13.0),
-        penalties=Penalties(inside=10.0),
-    )
+    encoding, penalties = Encoding(spacing=13.0), Penalties(inside=10.0)
+    return Swarms(method=Particles(), encoding=encoding, penalties=penalties)
 
 
 def bees() -> Swarms:
@@ -196,4 +190,4 @@ def bees() -> Swarms:
 
     Bees change one unknown at a time, so that some unknowns must bend the whole chain.
     """
-    return Swarms(method=Bees(), encoding=Encoding(), penalties=Penalties(inside=10.0))
+    return Swarms(method=Bees(), penalties=Penalties(inside=10.0))

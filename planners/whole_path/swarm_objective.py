@@ -205,19 +205,14 @@ def chain_objective(
     if not isinstance(discs, Discs) or discs.dimension != 2:
         raise TypeError(f"swarms know discs in the plane, not {type(discs).__name__}")
     base, reach = encoding.arrays(field, vehicle)
+    weights = penalties.depth, penalties.inside, penalties.length, limits.shortest, limits.longest
     return ChainObjective(
         base=base.ravel(),
         reach=reach.reshape(base.size, -1),
         looks=basis(np.linspace(0.0, 1.0, penalties.samples + 1)[1:]),
         bounds=field.bounds,
         cells=cells(field.bounds, discs.centers, discs.radii + penalties.margin),
-        weights=Weights(
-            float(penalties.depth),
-            float(penalties.inside),
-            float(penalties.length),
-            float(limits.shortest),
-            float(limits.longest),
-        ),
+        weights=Weights(*map(float, weights)),
     )
 
 
@@ -233,15 +228,10 @@ def _value(
         for i in range(len(looks)):
             start, end, leave, arrive = looks[i, 0], looks[i, 1], looks[i, 2], looks[i, 3]
             qx, qy = px, py
-            px = (
-                start * knots[k] + end * knots[k + 4] + leave * knots[k + 2] + arrive * knots[k + 6]
-            )
-            py = (
-                start * knots[k + 1]
-                + end * knots[k + 5]
-                + leave * knots[k + 3]
-                + arrive * knots[k + 7]
-            )
+            px = start * knots[k] + end * knots[k + 4]
+            px = px + leave * knots[k + 2] + arrive * knots[k + 6]
+            py = start * knots[k + 1] + end * knots[k + 5]
+            py = py + leave * knots[k + 3] + arrive * knots[k + 7]
             chord = np.sqrt((px - qx) ** 2 + (py - qy) ** 2)
             length += chord
             out = max(bounds[0, 0] - px, px - bounds[1, 0], 0.0)

@@ -25,8 +25,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Voronoi
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
+from ferguson_gym.world import Field, transition
 from planners.interface import Route
 from planners.whole_path.line_of_sight import lines_clear, scene_from
 

@@ -22,23 +22,20 @@ import numpy as np
 
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import Step, fly_segment
-from planners.interface import Decision, Plan, Replanner, State
+from ferguson_gym.world import Field, Limits, Step, fly_segment
+from planners.interface import Decision, Replanner, State
+from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import WindowSolver
-from planners.optimization.initial_guesses import along_route
 from planners.optimization.objectives import HorizonObjective
-from planners.optimization.sqp.multi_start import MultiStart, offset_guesses
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, horizon_window
-from planners.rollout import roll_out
+from planners.rollout import StepByStep
 
 _SAMPLES = np.linspace(1.0, 0.0, 33)
 """Parameters of points on a segment flown backwards."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Backtracking:
+class Backtracking(StepByStep):
     """A planner with a guide out of dead ends.
 
     Raises:
@@ -65,10 +62,6 @@ class Backtracking:
     def limits(self) -> Limits:
         """Bounds on a segment."""
         return self.planner.limits
-
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal."""
-        return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and the segments meant to follow it."""

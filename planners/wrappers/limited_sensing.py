@@ -15,16 +15,13 @@ import numpy as np
 
 from ferguson_gym.curves.splines import evaluate, subdivide
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import fly_segment
-from planners.interface import Decision, Plan, Replanner, State
-from planners.rollout import roll_out
+from ferguson_gym.world import Field, Limits, fly_segment, is_feasible
+from planners.interface import Decision, Replanner, State
+from planners.rollout import StepByStep
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sensing:
+class Sensing(StepByStep):
     """A planner that knows the obstacles within a range of where the vehicle has been.
 
     A range of at least the longest segment makes every decision safe: no point of the next
@@ -52,10 +49,6 @@ class Sensing:
     def limits(self) -> Limits:
         """Bounds on a segment."""
         return self.planner.limits
-
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal, sensing the field on the way."""
-        return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and the segments meant to follow it, among known obstacles."""
@@ -97,15 +90,10 @@ def _halved(segment: Array) -> Array:
 
 
 def known(field: Field, state: State, reach: float) -> Field:
-    """The field with only those obstacles within a range of the vehicle or of its path.
+    """The field with only those obstacles within a range [m] of the vehicle or of its path.
 
     Distances are certified: an obstacle counts at most 1e-7 m before it is in range. The result is
     the same object until another obstacle comes into range.
-
-    Args:
-        field: the whole field.
-        state: the vehicle and the path flown.
-        reach: the sensing range [m].
     """
     near = field.obstacles.signed_distance(state.vehicle.position) <= reach
     clearance, _ = field.obstacles.closest(state.flown)

@@ -13,11 +13,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.transition import fly_segment
-from planners.interface import Decision, Plan, Replanner, State
-from planners.rollout import roll_out
+from ferguson_gym.world import Field, Limits, fly_segment
+from planners.interface import Decision, Replanner, State
+from planners.rollout import StepByStep
 
 PARTS = (1.0, 0.4, 0.0)
 """Parts of the margin, tried in turn."""
@@ -26,7 +24,7 @@ _OUTSIDE = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Margin:
+class Margin(StepByStep):
     """A planner that keeps a distance from obstacles where it can.
 
     Raises:
@@ -46,10 +44,6 @@ class Margin:
     def limits(self) -> Limits:
         """Bounds on a segment."""
         return self.planner.limits
-
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal."""
-        return roll_out(self, field, state, seed)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Decide the next segment, and the segments meant to follow it."""

@@ -5,8 +5,8 @@ or turn a corner. What certification finds is added to the problem as a further 
 is started again from its last solution, as in semi-infinite programming.
 
 Reference:
-    Hettich & Kortanek (1993), Semi-infinite programming: theory, methods, and
-    applications, SIAM Review 35(3).
+    Hettich & Kortanek (1993), Semi-infinite programming: theory, methods, and applications, SIAM
+    Review 35(3).
 """
 
 from __future__ import annotations
@@ -23,8 +23,7 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.clearance import least_speed
 from ferguson_gym.curves.splines import basis, extent
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
+from ferguson_gym.world import Field, Limits
 from planners.optimization.certification import AIM, ROUNDS, Certified, Solution, certify
 from planners.optimization.constraints import (
     ClearanceAt,
@@ -100,14 +99,12 @@ def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint
     if len(outer := np.flatnonzero(outside)):
         # at many parameters, since a coordinate has up to four extremes, which move
         t = np.linspace(0.0, 1.0, 33)
-        rows.append(
-            InsideAt(field.bounds, np.repeat(outer, len(t)), np.tile(basis(t), (len(outer), 1)))
-        )
+        segment, weights = np.repeat(outer, len(t)), np.tile(basis(t), (len(outer), 1))
+        rows.append(InsideAt(field.bounds, segment, weights))
     clear, t = field.obstacles.closest(control)
     segment, obstacle = np.nonzero(clear < -AIM)
     if len(segment):
-        weights = basis(t[segment, obstacle])
-        rows.append(ClearanceAt(field.obstacles, segment, obstacle, weights))
+        rows.append(ClearanceAt(field.obstacles, segment, obstacle, basis(t[segment, obstacle])))
     return rows
 
 

@@ -22,8 +22,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world import Discs, Limits
 from planners.optimization.certification import Solution
 from planners.optimization.chain import Chain
 from planners.optimization.constraints import (

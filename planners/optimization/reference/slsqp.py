@@ -24,8 +24,7 @@ class Slsqp:
     """SciPy's sequential least-squares quadratic programming, instead of the paper's fmincon.
 
     Reference:
-        Kraft (1988), A software package for sequential quadratic programming,
-        DFVLR-FB 88-28.
+        Kraft (1988), A software package for sequential quadratic programming, DFVLR-FB 88-28.
     """
 
     precision: float = 1e-6

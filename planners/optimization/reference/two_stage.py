@@ -1,11 +1,4 @@
-"""The paper's alternative objective in two stages: first the distance, then the length.
-
-The paper weighs directness against the remaining distance in one objective, and names an
-alternative: minimise the distance to the goal alone, then the length of a chain to the same end.
-
-Reference:
-    The paper, section III-C2.
-"""
+"""The paper's alternative to one weighted objective: first the distance, then the length."""
 
 from __future__ import annotations
 
@@ -14,10 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from ferguson_gym.runtime.arrays import Array
+from planners.optimization import MultiStart, Window
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.objectives import HorizonObjective, LengthObjective
-from planners.optimization.sqp.multi_start import MultiStart
-from planners.optimization.window import Window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,6 +18,9 @@ class TwoSteps:
 
     The window's weight of directness is ignored. Windows with another objective, such as the length
     to the goal, are solved unchanged.
+
+    Reference:
+        The paper, section III-C2.
     """
 
     search: WindowSolver = field(default_factory=MultiStart)
@@ -50,17 +45,8 @@ class TwoSteps:
         chain = window.chain.ending_at(end.control[-1, 1])
         shorter = replace(window, chain=chain, objective=LengthObjective())
         (found,) = self.search.solve(shorter, [end.control], until)
-        kept = found if found.feasible else end
-        evaluations = end.evaluations + found.evaluations
-        solution = replace(
-            kept.solution,
-            x=window.chain.unknowns(kept.control),
-            objective=end.solution.objective,
-            evaluations=evaluations,
-        )
-        return replace(
-            kept,
-            solution=solution,
-            evaluations=evaluations,
-            seconds=end.seconds + found.seconds,
-        )
+        kept, evaluations = found if found.feasible else end, end.evaluations + found.evaluations
+        x, objective = window.chain.unknowns(kept.control), end.solution.objective
+        solution = replace(kept.solution, x=x, objective=objective, evaluations=evaluations)
+        seconds = end.seconds + found.seconds
+        return replace(kept, solution=solution, evaluations=evaluations, seconds=seconds)

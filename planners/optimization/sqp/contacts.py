@@ -48,10 +48,7 @@ CONTACT = np.dtype(
     [
         ("clearance", np.float64),  # [m], or [m per unit t] for speed and turns
         ("segment", np.int64),
-        (
-            "what",
-            np.int64,
-        ),  # disc, or SPEED, LOW, HIGH, or a side of `planners.optimization.sqp.turn_contacts`
+        ("what", np.int64),  # disc, or SPEED, LOW, HIGH, or a side, LEFT or RIGHT, of turns
         ("t", np.float64),
         ("weight", np.float64, (4,)),  # w: of the control rows at t
         ("normal", np.float64, (2,)),  # N: in which the clearance grows
@@ -246,9 +243,8 @@ def add(
             x = 1.0
         size = np.sqrt(x * x + y * y)
     nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _NOWHERE)
-    _record(
-        records, gradients, count, piece, circle.what, t, norm - circle.radius, (nx, ny), inverse
-    )
+    what, clearance = circle.what, norm - circle.radius
+    _record(records, gradients, count, piece, what, t, clearance, (nx, ny), inverse)
     if moving:
         vx, vy = a1 + t * (2.0 * a2 + 3.0 * t * a3), b1 + t * (2.0 * b2 + 3.0 * t * b3)
         along = vx * nx + vy * ny
@@ -296,12 +292,7 @@ def _add_coordinate(
 
 @compiled
 def add_coordinates(
-    records: Records,
-    gradients: Array,
-    count: int,
-    piece: Piece,
-    bounds: Array,
-    reach: float,
+    records: Records, gradients: Array, count: int, piece: Piece, bounds: Array, reach: float
 ) -> int:
     """Add the contacts of a segment's extreme coordinates with the bounds."""
     control = piece.control

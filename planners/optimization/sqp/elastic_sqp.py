@@ -14,8 +14,6 @@ linearised constraints until they are satisfied, lengths by certified quadrature
 
 Reference:
     Nocedal & Wright (2006), Numerical optimization, 2nd edition, sections 18.5 and 18.8.
-    Fletcher & Leyffer (2002), Nonlinear programming without a penalty function, Mathematical
-    Programming 91.
 """
 
 from __future__ import annotations
@@ -23,6 +21,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -52,6 +51,7 @@ _FEASIBLE = 0.3 * AIM
 """Sum of violations [m] that counts as zero."""
 _NEARLY_FEASIBLE = 1e-2
 """Violation [m] below which feasibility can be restored in a few steps."""
+_Box: TypeAlias = tuple[Array, Array]
 CONVERGED = "converged"
 OUTDONE = "outdone by another start"
 DEADLINE = "deadline reached"
@@ -214,10 +214,8 @@ class Search:
         p, multipliers = self._step(here, here.gradient, self.model, region.radius, self.box)
         if p is None:
             return None
-        rows = self.rows
-        predicted = predict(
-            p, here.gradient, self.model, self.scale, multipliers, rows.lower, rows.upper
-        )
+        bounds = self.rows.lower, self.rows.upper
+        predicted = predict(p, here.gradient, self.model, self.scale, multipliers, *bounds)
         return TrialStep(p, multipliers, *predicted)
 
     def _stops(self, here: Iterate, trial: TrialStep, precision: float, bound: float) -> str | None:
@@ -229,60 +227,26 @@ class Search:
         return CONVERGED if little else OUTDONE
 
     def _expand(self, point: Iterate, x: Array, reach: float) -> None:
-        point.x = x
-        point.contacts, point.violation, length, bent = expand(
-            x, self.layout, reach, point.expansion
-        )
-        value, point.slope, point.curvature = self.window.objective.expand(
-            length, point.expansion.control[-1, 1]
-        )
+        point.x, here, objective = x, point.expansion, self.window.objective
+        point.contacts, point.violation, length, bent = expand(x, self.layout, reach, here)
+        value, point.slope, point.curvature = objective.expand(length, here.control[-1, 1])
         point.objective = value + bent
         self.evaluations += 1
 
     def _differentiate(self, point: Iterate, before: Iterate, multipliers: Array) -> None:
         """The Lagrangian at a point, with the multipliers of the step that led there."""
-        warm_start_multipliers(
-            before.expansion,
-            self.rows.taken,
-            multipliers,
-            point.expansion,
-            point.contacts,
-            point.tension,
-            point.multiplier,
-        )
-        lagrangian(
-            self.layout,
-            point.expansion,
-            point.contacts,
-            point.slope,
-            point.curvature,
-            point.tension,
-            point.multiplier,
-            BENDING,
-            point.gradient,
-            point.hessian,
-        )
+        chain = point.expansion, point.contacts
+        pair = point.tension, point.multiplier
+        warm_start_multipliers(before.expansion, self.rows.taken, multipliers, *chain, *pair)
+        objective, out = (point.slope, point.curvature), (point.gradient, point.hessian)
+        lagrangian(self.layout, *chain, *objective, *pair, BENDING, *out)
 
     def _step(
-        self,
-        point: Iterate,
-        gradient: Array,
-        hessian: Array,
-        radius: float,
-        box: tuple[Array, Array],
+        self, point: Iterate, gradient: Array, hessian: Array, radius: float, box: _Box
     ) -> tuple[Array | None, Array]:
-        return elastic_qp.solve(
-            point.expansion,
-            point.contacts,
-            point.x,
-            box,
-            self.scale,
-            radius,
-            self.layout.limits,
-            gradient,
-            hessian,
-            self.rows,
-        )
+        here, model = (point.expansion, point.contacts, point.x), (gradient, hessian)
+        limits = self.layout.limits
+        return elastic_qp.solve(*here, box, self.scale, radius, limits, *model, self.rows)
 
     def _from_kink(self, point: Iterate) -> float:
         """Distance of the chain's end from the objective's kink [m]; infinite without one."""
@@ -291,15 +255,13 @@ class Search:
         x, y = point.expansion.control[-1, 1]
         return math.hypot(x - self.kink[0], y - self.kink[1])
 
-    def _ending_on_kink(self) -> tuple[Array, Array]:
+    def _ending_on_kink(self) -> _Box:
         """The box with the chain's end fixed at the kink, which no smooth model would reach."""
         low, high = self.box[0].copy(), self.box[1].copy()
         low[self.end] = high[self.end] = self.kink
         return low, high
 
-    def _restore_feasibility(
-        self, here: Iterate, there: Iterate, radius: float, box: tuple[Array, Array]
-    ) -> bool:
+    def _restore_feasibility(self, here: Iterate, there: Iterate, radius: float, box: _Box) -> bool:
         """Project a point onto the linearised constraints until `there` satisfies the true ones."""
         metric, no_gradient = np.diag(1.0 / self.scale**2), np.zeros(len(self.scale))
         point, violation = here, math.inf

@@ -209,17 +209,8 @@ def _add_discs(
         for row in range(len(layout.pinned_contacts)):
             pinned = layout.pinned_contacts[row]
             if int(pinned[0]) == piece.k and int(pinned[1]) == disc:
-                count = add(
-                    out.contact,
-                    out.slope,
-                    count,
-                    piece,
-                    circle,
-                    pinned[2],
-                    False,
-                    reach,
-                    curve.powers,
-                )
+                t, powers = pinned[2], curve.powers
+                count = add(out.contact, out.slope, count, piece, circle, t, False, reach, powers)
     return count
 
 
@@ -239,13 +230,9 @@ def _add_speed(
 def expand(
     x: Array, layout: Layout, reach: float, out: Expansion
 ) -> tuple[int, float, float, float]:
-    """Expand the chain at unknowns x (m,).
+    """Expand the chain at unknowns x (m,) into `out`.
 
-    Args:
-        x: unknowns.
-        layout: the chain and its limits.
-        reach: contacts with a clearance of this [m] or more are left out.
-        out: filled.
+    Contacts with a clearance of `reach` [m] or more are left out.
 
     Returns:
         The number of contacts; the sum of all violations of limits [m]; the chain's length [m];
@@ -270,23 +257,13 @@ def expand(
             if place[i] >= 0:
                 out.length_slope[k, place[i]] += slope[i]
         bent = _add_bending(control, bent)
-        middle = (
-            0.5 * (control[0, 0] + control[1, 0]),
-            0.5 * (control[0, 1] + control[1, 1]),
-        )
+        middle = 0.5 * (control[0, 0] + control[1, 0]), 0.5 * (control[0, 1] + control[1, 1])
         trace(control, 0, middle, curve)
         count = _add_discs(layout, out, count, piece, middle, reach, curve)
         trace(control, 1, (0.0, 0.0), curve)
         count = _add_speed(layout, out, count, piece, reach, curve)
         count = add_coordinates(out.contact, out.slope, count, piece, layout.bounds, reach)
         if layout.turn_radius > 0.0:
-            count = add_turns(
-                out.contact,
-                out.slope,
-                count,
-                piece,
-                layout.turn_radius,
-                reach,
-                layout.pinned_contacts,
-            )
+            radius, pinned = layout.turn_radius, layout.pinned_contacts
+            count = add_turns(out.contact, out.slope, count, piece, radius, reach, pinned)
     return count, _violation(out, count, layout.limits), total, layout.bending_weight * bent

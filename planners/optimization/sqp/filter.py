@@ -1,8 +1,7 @@
 """A filter: pairs of objective and violation that a step must improve on.
 
 Reference:
-    Fletcher & Leyffer (2002), Nonlinear programming without a penalty function,
-    Mathematical Programming 91.
+    Fletcher & Leyffer (2002), Nonlinear programming without a penalty function, Math. Prog. 91.
 """
 
 from __future__ import annotations

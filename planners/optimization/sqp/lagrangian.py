@@ -110,7 +110,7 @@ def lagrangian(
 
     Args:
         layout: the chain and its limits.
-        here: the chain, expanded.
+        here: the chain, expanded, with some contacts.
         contacts: their number.
         slope: (3,) gradient of the objective F(l, P) with respect to l and P.
         curvature: (3, 3) Hessian of F.
@@ -138,15 +138,9 @@ def lagrangian(
             if contact.what > LEFT:
                 _add_contact(hessian, -multiplier[row], here, row, place)
             else:
-                control = here.control[contact.segment]
+                control, radius = here.control[contact.segment], layout.turn_radius
                 add_turn_hessian(
-                    hessian,
-                    -multiplier[row],
-                    here.contact,
-                    row,
-                    control,
-                    layout.turn_radius,
-                    place,
+                    hessian, -multiplier[row], here.contact, row, control, radius, place
                 )
 
 

@@ -106,12 +106,9 @@ def _eliminate_two(rest: Array, lower: Array, scaled: Array, k: int, floor: floa
 
 @compiled
 def make_definite(matrix: Array, floor: float, out: Array) -> None:
-    """Fill `out` (n, n) with a positive definite matrix near a symmetric one.
+    """Fill `out` (n, n) with a positive definite matrix near a symmetric, finite one (n, n).
 
-    Args:
-        matrix: (n, n), symmetric, finite.
-        floor: least eigenvalue of a block of D, > 0.
-        out: (n, n), filled.
+    `floor` > 0 is the least eigenvalue of a block of D.
     """
     n = len(matrix)
     rest, lower, scaled = matrix.copy(), np.eye(n), np.zeros((n, n))

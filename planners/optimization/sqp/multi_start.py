@@ -116,15 +116,14 @@ def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -
 
 
 def _end(state: SearchState, chain: Array, feasible: bool, seconds: float) -> Certified:
-    solution = Solution(
-        x=state.x,
-        objective=state.objective,
-        converged=state.status == CONVERGED,
-        status=state.status,
-        evaluations=state.evaluations,
-    )
     return Certified(
-        solution=solution,
+        solution=Solution(
+            x=state.x,
+            objective=state.objective,
+            converged=state.status == CONVERGED,
+            status=state.status,
+            evaluations=state.evaluations,
+        ),
         control=chain,
         feasible=feasible,
         evaluations=state.evaluations,
