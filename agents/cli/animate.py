@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.cli.completion import FILE, completes
-from agents.cli.shared_options import add_field, add_output_options, add_planner, add_seed
-from agents.runtime.jobs import DONE, Job
+from agents.cli import shared_options as shared
+from agents.cli.arguments import Parser
+from agents.cli.completion import FILE
+from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
-from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.transition import initial_state
-from planners.registry import PLANNERS
+from ferguson_gym.world import get_field, initial_state
+from planners import PLANNERS
 
 HELP = "animate a planner's flight as a GIF"
 DESCRIPTION = """\
@@ -24,34 +24,30 @@ examples:
   ferguson animate traps/train:0 --policy guided+sensing=20 --out sensed.gif"""
 
 
-def add_to(animate: argparse.ArgumentParser) -> None:
+def add_to(animate: Parser) -> None:
     """Add the arguments."""
-    add_field(animate)
-    add_planner(animate, "--policy", required=True)
-    completes(
-        animate.add_argument(
-            "--out", type=Path, required=True, metavar="FILE", help="the GIF to write"
-        ),
-        FILE,
+    shared.add_field(animate)
+    shared.add_planner(animate, "--policy", required=True)
+    animate.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the GIF to write", complete=FILE
     )
-    add_seed(animate, "seed of the policy")
-    add_output_options(animate)
+    shared.add_seed(animate, "seed of the policy")
+    shared.add_output_options(animate)
     animate.set_defaults(prepare=prepare)
 
 
-def prepare(options: argparse.Namespace) -> Job:
+def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before the flight.
 
     Raises:
         ValueError: the policy, the field or the file is not valid.
     """
     from agents.cli.compile_notice import announce_compilation
-    from agents.flights.flight import fly
+    from agents.flights import fly
     from agents.plots.animation.animation import animate
     from agents.plots.animation.gif import SUFFIX
     from agents.plots.flight_grid import check_target
-    from agents.policies.registry import make_policy
-    from agents.policies.spec import PolicySpec
+    from agents.policies import PolicySpec, make_policy
 
     make_policy(options.policy)  # raises for unknown names
     if not PolicySpec.parse(options.policy).is_planner:
@@ -62,9 +58,8 @@ def prepare(options: argparse.Namespace) -> Job:
     field = get_field(options.field)
     initial_state(field)
     check_target(options.out, "animation", [SUFFIX])
-    terminal = Terminal(quiet=options.quiet, colour=options.colour)
 
-    def job() -> int:
+    def job() -> None:
         with announce_compilation(terminal):
             flight = fly(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
@@ -74,6 +69,5 @@ def prepare(options: argparse.Namespace) -> Job:
             f"{len(flight.control)} segments, {flight.length:.4f} m"
         )
         terminal.note(f"wrote {frames} frames to {options.out}")
-        return DONE
 
     return job

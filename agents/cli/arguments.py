@@ -8,13 +8,13 @@ import os
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NoReturn
 
+from ferguson_gym.runtime import did_you_mean
 from ferguson_gym.runtime.atomic_files import unwritable
-from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field_names import family
 from ferguson_gym.world.suites import LAST_SEED
 
@@ -46,6 +46,13 @@ class Parser(argparse.ArgumentParser):
         options.setdefault("formatter_class", _Help)
         super().__init__(*given, **options)
 
+    def add_argument(self, *names: Any, complete: Any = None, **settings: Any) -> argparse.Action:
+        """As the base class; `complete` is the argument's completion (`agents.cli.completion`)."""
+        action = super().add_argument(*names, **settings)
+        if complete is not None:
+            action.complete = complete  # type: ignore[attr-defined]
+        return action
+
     def error(self, message: str) -> NoReturn:
         """Exit with a message and a pointer to the help text."""
         self.exit(BAD_INPUT, f"{self.prog}: {truncate_message(message)} (see {self.prog} --help)\n")
@@ -56,7 +63,8 @@ class Parser(argparse.ArgumentParser):
         A group without a command prints its help.
         """
         given = sys.argv[1:] if args is None else list(args)
-        commands = self._commands()
+        groups = (one for one in self._actions if isinstance(one, argparse._SubParsersAction))
+        commands = next((group.choices for group in groups), None)
         if commands is not None and not given:
             self.print_help(sys.stderr)
             self.exit(BAD_INPUT)
@@ -66,10 +74,6 @@ class Parser(argparse.ArgumentParser):
             near = did_you_mean(rest[0].partition("=")[0], options)
             self.error(f"unrecognized arguments: {' '.join(rest)}{near}")
         return namespace, rest
-
-    def _commands(self) -> Iterable[str] | None:
-        groups = (one for one in self._actions if isinstance(one, argparse._SubParsersAction))
-        return next((group.choices for group in groups), None)
 
     def _check_value(self, action: argparse.Action, value: Any) -> None:
         if action.choices is not None and value not in action.choices:
@@ -188,16 +192,10 @@ def check_number(
 ) -> None:
     """Check the number of flights before a list of them is made.
 
-    Args:
-        specs: names of fields, ranges included.
-        most: upper limit of the number of flights.
-        seeds: policy seeds.
-        policies: number of policies.
-
     Raises:
-        ValueError: there are more flights than the limit.
+        ValueError: fields (names, ranges included) x policy seeds x policies are more than `most`.
     """
-    fields = sum(_size(_numbers(spec)) for spec in specs)
+    fields = sum(map(_number_of_fields, specs))
     if (flights := fields * _size(seeds) * policies) > most:
         raise ValueError(
             f"at most {most} flights can be requested at once, got {flights}: fields "
@@ -209,11 +207,11 @@ def _size(numbers: range) -> int:
     return numbers.stop - numbers.start  # the length may be too great for len()
 
 
-def _numbers(spec: str) -> range:
+def _number_of_fields(spec: str) -> int:
     try:
-        return family(spec)[1]
+        return _size(family(spec)[1])
     except ValueError:  # files, or names that are refused elsewhere
-        return range(1)
+        return 1
 
 
 def refuse_twice(what: str, names: Sequence[str]) -> None:

@@ -3,32 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 
-from agents.cli.arguments import (
-    check_directory,
-    check_number,
-    duration,
-    refuse_twice,
-    seed,
-    seeds,
-)
-from agents.cli.shared_options import (
-    add_count,
-    add_fields,
-    add_json,
-    add_observation,
-    add_out,
-    add_output_options,
-    add_planner,
-    add_seed,
-    add_workers,
-)
-from agents.runtime.jobs import DONE, Job
+from agents.cli import shared_options as shared
+from agents.cli.arguments import Parser, check_directory, check_number, duration, refuse_twice, seed
+from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.transition import initial_state
-from planners.registry import PLANNERS, make
+from ferguson_gym.world import get_fields, initial_state
+from planners import PLANNERS, make
 
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000
@@ -45,7 +28,7 @@ examples:
   ferguson bench env --observation rays"""
 
 
-def add_to(bench: argparse.ArgumentParser) -> None:
+def add_to(bench: Parser) -> None:
     """Add the subcommands."""
     subjects = bench.add_subparsers(dest="subject", required=True, metavar="SUBJECT")
     _add_planners(
@@ -94,42 +77,28 @@ def add_to(bench: argparse.ArgumentParser) -> None:
     )
 
 
-def _add_planners(planners: argparse.ArgumentParser) -> None:
-    add_fields(planners, "fields to plan, for example standard/validation:0-9")
-    add_planner(
-        planners,
-        "--planner",
-        action="append",
-        help=f"a planner: {', '.join(PLANNERS)}; may be given several times; default: all that "
-        "are installed",
-    )
-    planners.add_argument(
-        "--seeds",
-        type=seeds,
-        default=range(1),
-        metavar="N|A-B",
-        help="planner seeds; default: 0",
-    )
+def _add_planners(planners: Parser) -> None:
+    shared.add_fields(planners, "fields to plan, for example standard/validation:0-9")
+    several = f"{', '.join(PLANNERS)}; may be given several times; default: all that are installed"
+    shared.add_planner(planners, "--planner", action="append", help=f"a planner: {several}")
+    shared.add_seeds(planners, "planner seeds")
     planners.add_argument(
         "--seconds",
         type=duration,
         metavar="S",
         help="search time of planners with a budget; default: each planner's own budget",
     )
-    add_workers(planners, "number of worker processes; times are comparable only with one")
-    add_out(planners)
-    add_json(planners)
-    add_output_options(planners)
+    shared.add_workers(planners, "number of worker processes; times are comparable only with one")
+    shared.add_out(planners)
+    shared.add_json(planners)
+    shared.add_output_options(planners)
     planners.set_defaults(prepare=_prepare_planners)
 
 
-def _add_solvers(solvers: argparse.ArgumentParser) -> None:
-    add_fields(
-        solvers,
-        f"fields whose windows are solved, in order; default: {_FIELDS}",
-        required=False,
-    )
-    add_count(solvers, "--windows", 200, "number of windows")
+def _add_solvers(solvers: Parser) -> None:
+    fields = f"fields whose windows are solved, in order; default: {_FIELDS}"
+    shared.add_fields(solvers, fields, required=False)
+    shared.add_count(solvers, "--windows", 200, "number of windows")
     solvers.add_argument(
         "--ipopt-every",
         type=seed,
@@ -137,13 +106,13 @@ def _add_solvers(solvers: argparse.ArgumentParser) -> None:
         metavar="N",
         help="let IPOPT, which is slow, solve every Nth window; 0: none; default: %(default)s",
     )
-    add_out(solvers)
-    add_output_options(solvers)
+    shared.add_out(solvers)
+    shared.add_output_options(solvers)
     solvers.set_defaults(prepare=_prepare_solvers)
 
 
-def _add_env(env: argparse.ArgumentParser) -> None:
-    add_observation(env)
+def _add_env(env: Parser) -> None:
+    shared.add_observation(env)
     env.add_argument(
         "--seconds",
         type=duration,
@@ -151,20 +120,20 @@ def _add_env(env: argparse.ArgumentParser) -> None:
         metavar="S",
         help="time per environment and round; default: %(default)s",
     )
-    add_count(env, "--rounds", 5, "number of rounds")
-    add_seed(env, "seed of the actions and fields")
+    shared.add_count(env, "--rounds", 5, "number of rounds")
+    shared.add_seed(env, "seed of the actions and fields")
     env.add_argument(
         "--first-step",
         action="store_true",
         help="also time a first step with compilation, which takes half a minute or more",
     )
-    add_out(env, required=False)
-    add_json(env)
-    add_output_options(env)
+    shared.add_out(env, required=False)
+    shared.add_json(env)
+    shared.add_output_options(env)
     env.set_defaults(prepare=_prepare_env)
 
 
-def _prepare_planners(options: argparse.Namespace) -> Job:
+def _prepare_planners(options: argparse.Namespace, terminal: Terminal) -> Job:
     from agents.benchmarks.planners import bench
 
     check_directory(options.out)
@@ -186,11 +155,9 @@ def _prepare_planners(options: argparse.Namespace) -> Job:
         seconds=options.seconds,
         workers=options.workers,
     )
-    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
-    def job() -> int:
+    def job() -> None:
         bench.bench(request, options.out, terminal)
-        return DONE
 
     return job
 
@@ -204,7 +171,7 @@ def _missing(planner: str) -> str:
     return ""
 
 
-def _prepare_solvers(options: argparse.Namespace) -> Job:
+def _prepare_solvers(options: argparse.Namespace, terminal: Terminal) -> Job:
     import importlib.util
 
     from agents.benchmarks import solvers
@@ -217,16 +184,10 @@ def _prepare_solvers(options: argparse.Namespace) -> Job:
         )
     fields = (field for spec in options.fields or [_FIELDS] for field in get_fields(spec))
     tasks = solvers.take_windows(multi_start(), fields, options.windows)
-    terminal = Terminal(quiet=options.quiet, colour=options.colour)
-
-    def job() -> int:
-        solvers.bench(tasks, options.ipopt_every, options.out, terminal)
-        return DONE
-
-    return job
+    return partial(solvers.bench, tasks, options.ipopt_every, options.out, terminal)
 
 
-def _prepare_env(options: argparse.Namespace) -> Job:
+def _prepare_env(options: argparse.Namespace, terminal: Terminal) -> Job:
     from agents.benchmarks.environment import bench, drivers
 
     if options.out is not None:
@@ -239,10 +200,4 @@ def _prepare_env(options: argparse.Namespace) -> Job:
         first_step=options.first_step,
     )
     entries = drivers.entries(options.observation)
-    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
-
-    def job() -> int:
-        bench.bench(entries, request, options.out, terminal)
-        return DONE
-
-    return job
+    return partial(bench.bench, entries, request, options.out, terminal)

@@ -10,9 +10,7 @@ from numba.core import event
 from agents.runtime.terminal import COMPILING, Terminal
 
 
-class _First(event.Listener):
-    """Notes the first compilation; loading code that is compiled already is no event."""
-
+class _First(event.Listener):  # loading code that is compiled already is no event
     def __init__(self, terminal: Terminal) -> None:
         self._terminal: Terminal | None = terminal
 

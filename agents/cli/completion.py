@@ -11,7 +11,7 @@ import shtab
 
 from agents.models import shipped_agents
 from ferguson_gym.world.suites import SPLITS, SUITES
-from planners.registry import PLANNERS
+from planners import PLANNERS
 
 Words = Mapping[str, Any] | str
 """Completion of an argument, by shell; shells that are missing complete nothing."""
@@ -20,13 +20,7 @@ DIRECTORY: Words = "directory"
 
 
 def _words(name: str, words: Iterable[str], also: str) -> Words:
-    """Completion by words, and perhaps by files or directories.
-
-    Args:
-        name: of the shell function.
-        words: without characters that are special to a shell.
-        also: `f` for files, `d` for directories, or empty.
-    """
+    """Completion by words without special characters, and by files (`f`) or directories (`d`)."""
     choices = " ".join(words)
     files = {"f": "_files", "d": "_files -/"}.get(also, "true")
     function = f'compgen -W "{choices}" -- "$1"'
@@ -48,11 +42,6 @@ POLICY = _words("_ferguson_policy_dir", [*PLANNERS, *shipped_agents.shipped()], 
 MODEL = _words("_ferguson_model_dir", shipped_agents.shipped(), "d")
 ONE_FIELD = _words("_ferguson_field", ["paper:1", *(f"{name}:0" for name in _DRAWN)], "f")
 FIELDS = _words("_ferguson_fields", ["paper:1-4", *(f"{name}:0-9" for name in _DRAWN)], "f")
-
-
-def completes(argument: argparse.Action, words: Words) -> None:
-    """Set the completion of an argument."""
-    argument.complete = words  # type: ignore[attr-defined]
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:

@@ -6,16 +6,8 @@ import argparse
 import json
 import sys
 
-from agents.cli.arguments import check_number, positive
-from agents.cli.shared_options import (
-    RESUME_NOTE,
-    add_fields,
-    add_json,
-    add_observation,
-    add_output_options,
-    add_planner,
-    add_workers,
-)
+from agents.cli import shared_options as shared
+from agents.cli.arguments import Parser, check_number, positive
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
@@ -34,10 +26,10 @@ examples:
       --observation rays --out traps-v1"""
 
 
-def add_to(demos: argparse.ArgumentParser) -> None:
+def add_to(demos: Parser) -> None:
     """Add the arguments."""
-    add_planner(demos, "--expert", required=True)
-    add_fields(demos, "fields to fly, for example standard/train:0-999; no files")
+    shared.add_planner(demos, "--expert", required=True)
+    shared.add_fields(demos, "fields to fly, for example standard/train:0-999; no files")
     demos.add_argument(
         "--out",
         required=True,
@@ -45,23 +37,20 @@ def add_to(demos: argparse.ArgumentParser) -> None:
         help="id of the dataset, for example ferguson/guided-v0; it is written below "
         "MINARI_DATASETS_PATH, if that is set",
     )
-    add_observation(demos)
+    shared.add_observation(demos)
     demos.add_argument(
         "--nearest", type=positive, metavar="N", help="number of observed obstacles; default: 12"
     )
     demos.add_argument("--rays", type=positive, metavar="N", help="number of rays; default: 64")
-    add_workers(demos)
-    demos.add_argument(
-        "--fresh",
-        action="store_true",
-        help="replace a dataset of this id, or the unfinished work of another request",
-    )
-    add_json(demos, "print only one JSON object with the numbers of flights")
-    add_output_options(demos)
+    shared.add_workers(demos)
+    fresh_help = "replace a dataset of this id, or the unfinished work of another request"
+    demos.add_argument("--fresh", action="store_true", help=fresh_help)
+    shared.add_json(demos, "print only one JSON object with the numbers of flights")
+    shared.add_output_options(demos)
     demos.set_defaults(prepare=prepare)
 
 
-def prepare(options: argparse.Namespace) -> Job:
+def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before the flights.
 
     Raises:
@@ -71,7 +60,7 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.demonstrations import recording, work
     from agents.demonstrations.episode import make_environment
     from agents.demonstrations.minari_store import place_of
-    from agents.policies.registry import make_policy
+    from agents.policies import make_policy
 
     place = place_of(options.out)
     make_policy(options.expert)
@@ -90,16 +79,10 @@ def prepare(options: argparse.Namespace) -> Job:
             )
         work.open_store(recording.work_place(place), request).holds_work()
 
-    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
-
     def job() -> int:
-        try:
-            tally = recording.make(
-                request, options.out, place, options.workers, options.fresh, terminal
-            )
-        except KeyboardInterrupt:
-            terminal.note(RESUME_NOTE)
-            raise
+        tally = recording.make(
+            request, options.out, place, options.workers, options.fresh, terminal
+        )
         report = {"dataset": options.out, "place": str(place), **tally.as_json()}
         terminal.show_json(json.dumps(report))
         if not tally.flights:

@@ -5,30 +5,22 @@ from __future__ import annotations
 import argparse
 import shlex
 
+from agents.cli import shared_options as shared
 from agents.cli.arguments import (
+    Parser,
     check_directory,
     check_number,
     positive,
     refuse_twice,
-    seeds,
     workers,
 )
-from agents.cli.completion import POLICY, completes
-from agents.cli.shared_options import (
-    RESUME_NOTE,
-    add_fields,
-    add_json,
-    add_out,
-    add_output_options,
-)
+from agents.cli.completion import POLICY
 from agents.models.shipped_agents import shipped
-from agents.runtime.jobs import DONE, Job
+from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.world import field_names
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.transition import initial_state
-from planners.registry import PLANNERS
+from ferguson_gym.world import Field, field_names, initial_state
+from planners import PLANNERS
 
 MOST = 10_000_000
 """Upper limit of the flights of one evaluation."""
@@ -59,23 +51,19 @@ examples:
       --out results/mine --json"""
 
 
-def add_to(evaluate: argparse.ArgumentParser) -> None:
+def add_to(evaluate: Parser) -> None:
     """Add the arguments."""
-    completes(
-        evaluate.add_argument(
-            "--policy",
-            action="append",
-            required=True,
-            metavar="P",
-            help="a planner or an agent, see below; may be given several times",
-        ),
-        POLICY,
-    )
-    add_fields(evaluate, "fields to fly, for example standard/validation:0-9 or files")
-    add_out(evaluate)
     evaluate.add_argument(
-        "--seeds", type=seeds, default=range(1), metavar="N|A-B", help="policy seeds; default: 0"
+        "--policy",
+        action="append",
+        required=True,
+        metavar="P",
+        help="a planner or an agent, see below; may be given several times",
+        complete=POLICY,
     )
+    shared.add_fields(evaluate, "fields to fly, for example standard/validation:0-9 or files")
+    shared.add_out(evaluate)
+    shared.add_seeds(evaluate, "policy seeds")
     evaluate.add_argument(
         "--workers", type=workers, metavar="N", help="number of worker processes; default: 1"
     )
@@ -98,12 +86,12 @@ def add_to(evaluate: argparse.ArgumentParser) -> None:
     evaluate.add_argument(
         "--fresh", action="store_true", help="start over and replace earlier results in DIR"
     )
-    add_json(evaluate)
-    add_output_options(evaluate)
+    shared.add_json(evaluate)
+    shared.add_output_options(evaluate)
     evaluate.set_defaults(prepare=prepare)
 
 
-def prepare(options: argparse.Namespace) -> Job:
+def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before the flights.
 
     Raises:
@@ -113,7 +101,7 @@ def prepare(options: argparse.Namespace) -> Job:
     """
     from agents.evaluation import run, work
     from agents.evaluation.request import Request, name_of
-    from agents.policies.registry import make_policy
+    from agents.policies import make_policy
     from agents.runtime import executors
 
     backend = executors.Backend(
@@ -130,23 +118,15 @@ def prepare(options: argparse.Namespace) -> Job:
     if not options.fresh:
         work.is_finished(work.Work(options.out, request))
     executors.check(backend)
-    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
-    def job() -> int:
-        try:
-            run.run(
-                request,
-                options.out,
-                backend,
-                batch=options.batch,
-                command=command(options),
-                fresh=options.fresh,
-                terminal=terminal,
-            )
-        except KeyboardInterrupt:
-            terminal.note(RESUME_NOTE)
-            raise
-        return DONE
+    def job() -> None:
+        run.run(
+            *(request, options.out, backend),
+            batch=options.batch,
+            command=command(options),
+            fresh=options.fresh,
+            terminal=terminal,
+        )
 
     return job
 

@@ -14,8 +14,10 @@ import warnings
 from collections.abc import Sequence
 
 from agents.runtime.interrupts import defer_interrupt
+from agents.runtime.jobs import DONE, Job
 
 BAD_INPUT, INTERRUPTED = 2, 130
+_RESUMABLE = ("demos", "evaluate", "train")
 _EPILOG = """\
 examples:
   ferguson plan paper:2 --planner guided --plot flight.png
@@ -40,9 +42,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _run(arguments: Sequence[str] | None) -> int:
     with defer_interrupt():  # an interruption during imports may surface as any error
         parser = _parser()
-    if isinstance(
-        sys.stdout, io.TextIOWrapper
-    ):  # file names may hold characters that it cannot encode
+    # file names may hold characters that it cannot encode
+    if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         status = _do(parser, arguments)
@@ -62,17 +63,23 @@ def _do(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int
         options = parser.parse_args(arguments)
     except SystemExit as stop:  # --help, --version, or a command line that was refused
         return int(stop.code or 0)
+    from agents.cli.shared_options import RESUME_NOTE, make_terminal
+
+    terminal = make_terminal(options)
     try:
-        job = options.prepare(options)
+        job: Job = options.prepare(options, terminal)
     except (ValueError, OSError) as error:
         return _report(error)
     try:
-        status: int = job()
+        return job() or DONE
+    except KeyboardInterrupt:
+        if options.command in _RESUMABLE:
+            terminal.note(RESUME_NOTE)
+        raise
     except BrokenPipeError:
         raise
     except OSError as error:  # a disk or a worker process failed
         return _report(error)
-    return status
 
 
 def _report(error: ValueError | OSError) -> int:
@@ -114,19 +121,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"ferguson {__version__}")
     completion.add_to(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, module in {
-        "plan": plan,
-        "evaluate": evaluate,
-        "animate": animate,
-        "demos": demos,
-        "train": train,
-        "bench": bench,
-    }.items():
-        module.add_to(
-            commands.add_parser(
-                name, help=module.HELP, description=module.DESCRIPTION, epilog=module.EPILOG
-            )
-        )
+    for module in (plan, evaluate, animate, demos, train, bench):
+        name = module.__name__.rpartition(".")[2]
+        texts = {"help": module.HELP, "description": module.DESCRIPTION, "epilog": module.EPILOG}
+        module.add_to(commands.add_parser(name, **texts))
     return parser
 
 

@@ -5,20 +5,13 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from agents.cli.arguments import metres
-from agents.cli.completion import FILE, POLICY, completes
-from agents.cli.shared_options import (
-    add_field,
-    add_json,
-    add_output_options,
-    add_planner,
-    add_seed,
-)
+from agents.cli import shared_options as shared
+from agents.cli.arguments import Parser, metres
+from agents.cli.completion import FILE, POLICY
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.jobs import DONE, Job
 from agents.runtime.terminal import Terminal
-from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.transition import initial_state
+from ferguson_gym.world import get_field, initial_state
 
 NO_PATH = 1
 HELP = "plan a path through one field"
@@ -34,11 +27,11 @@ examples:
   ferguson plan paper:1 --planner guided --json"""
 
 
-def add_to(plan: argparse.ArgumentParser) -> None:
+def add_to(plan: Parser) -> None:
     """Add the arguments."""
-    add_field(plan)
-    add_planner(plan, "--planner", required=True)
-    add_seed(plan, "seed of the planner")
+    shared.add_field(plan)
+    shared.add_planner(plan, "--planner", required=True)
+    shared.add_seed(plan, "seed of the planner")
     plan.add_argument(
         "--sensing-range",
         type=metres,
@@ -57,27 +50,21 @@ def add_to(plan: argparse.ArgumentParser) -> None:
         metavar="R",
         help="keep a turn radius of at least R metres (guided)",
     )
-    completes(
-        plan.add_argument(
-            "--start-from",
-            metavar="POLICY",
-            help="use the segments that another policy would fly as initial guesses "
-            "(single-start, multi-start)",
-        ),
-        POLICY,
+    plan.add_argument(
+        "--start-from",
+        metavar="POLICY",
+        help="use the segments that another policy would fly as initial guesses "
+        "(single-start, multi-start)",
+        complete=POLICY,
     )
-    add_json(plan, "print only one JSON object")
-    completes(
-        plan.add_argument(
-            "--plot", type=Path, metavar="FILE", help="draw the plan (png, pdf, svg)"
-        ),
-        FILE,
-    )
-    add_output_options(plan)
+    shared.add_json(plan, "print only one JSON object")
+    plot_help = "draw the plan (png, pdf, svg)"
+    plan.add_argument("--plot", type=Path, metavar="FILE", help=plot_help, complete=FILE)
+    shared.add_output_options(plan)
     plan.set_defaults(prepare=prepare)
 
 
-def prepare(options: argparse.Namespace) -> Job:
+def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before planning.
 
     Raises:
@@ -87,8 +74,8 @@ def prepare(options: argparse.Namespace) -> Job:
     from agents.cli.compile_notice import announce_compilation
     from agents.models import shipped_agents
     from agents.plots.flight_grid import check_target
+    from agents.policies import PolicySpec
     from agents.policies.registry import make_planner
-    from agents.policies.spec import PolicySpec
     from agents.policies.warm_up import warm
 
     agents = PolicySpec.parse(options.planner).agents
@@ -109,7 +96,6 @@ def prepare(options: argparse.Namespace) -> Job:
     initial_state(field)  # raises if no flight can begin
     if options.plot is not None:
         check_target(options.plot)
-    terminal = Terminal(quiet=options.quiet, colour=options.colour, as_json=options.json)
 
     def job() -> int:
         with announce_compilation(terminal):

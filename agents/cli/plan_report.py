@@ -11,14 +11,12 @@ from pathlib import Path
 
 from rich.table import Table
 
-from agents.flights.flight import Flight
+from agents.flights import Flight
 from agents.flights.metrics import finite
 from agents.plots.flight_grid import draw_flights
 from agents.runtime import terminal_tables
-from ferguson_gym.shortest_paths.exact import gap
-from ferguson_gym.world.feasibility import inspect
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.shortest_paths import gap
+from ferguson_gym.world import PAPER_LIMITS, Field, inspect
 from planners.interface import Plan, Planner, Route, initial_state
 
 
@@ -75,11 +73,7 @@ class Report:
         )
 
     def lines(self, windows: bool = True) -> Iterator[Table | str]:
-        """The tables and sentences that describe the plan, in order.
-
-        Args:
-            windows: whether to begin with the table of planning windows, if there are any.
-        """
+        """Tables and sentences that describe the plan, without planning windows if so asked."""
         flight = self.flight
         if windows and any(decision.report.starts for decision in self.plan.decisions):
             yield terminal_tables.windows(self.plan.decisions)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from agents.cli.arguments import directory, positive, seed, workers
-from agents.cli.completion import DIRECTORY, FIELDS, ONE_FIELD, PLANNER, completes
+from agents.cli.arguments import Parser, directory, positive, seed, seeds, workers
+from agents.cli.completion import DIRECTORY, FIELDS, ONE_FIELD, PLANNER
+from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import KINDS
 from planners.registry import OPTIONS, PLANNERS
 
@@ -14,48 +15,39 @@ RESUME_NOTE = "ferguson: run the same command again to resume"
 """Printed when a command that can be resumed is interrupted."""
 
 
-def add_field(command: argparse.ArgumentParser) -> None:
+def add_field(command: Parser) -> None:
     """Add the positional argument that names one field."""
-    command_help = "for example paper:1, standard/test:7 or my_field.json"
-    completes(command.add_argument("field", metavar="FIELD", help=command_help), ONE_FIELD)
+    text = "for example paper:1, standard/test:7 or my_field.json"
+    command.add_argument("field", metavar="FIELD", help=text, complete=ONE_FIELD)
 
 
-def add_fields(command: argparse.ArgumentParser, text: str, *, required: bool = True) -> None:
-    """Add `--fields`, which may be repeated.
-
-    Args:
-        command: that gets the option.
-        text: its help text, before the note that it may be repeated.
-        required: whether it must be given.
-    """
-    argument = command.add_argument(
+def add_fields(command: Parser, text: str, *, required: bool = True) -> None:
+    """Add `--fields`, which may be repeated; the help text says so at its end."""
+    command.add_argument(
         "--fields",
         action="append",
         required=required,
         metavar="SPEC",
         help=f"{text}; may be given several times",
+        complete=FIELDS,
     )
-    completes(argument, FIELDS)
 
 
-def add_planner(command: argparse.ArgumentParser, option: str, **settings: Any) -> None:
+def add_planner(command: Parser, option: str, **settings: Any) -> None:
     """Add an option that takes a planner's name."""
     names = ", ".join(PLANNERS)
     settings.setdefault("help", f"a planner: {names}; options: {OPTIONS}")
-    completes(command.add_argument(option, metavar="NAME", **settings), PLANNER)
+    command.add_argument(option, metavar="NAME", complete=PLANNER, **settings)
 
 
-def add_out(
-    command: argparse.ArgumentParser, text: str = "directory of the results", required: bool = True
-) -> None:
+def add_out(command: Parser, text: str = "directory of the results", required: bool = True) -> None:
     """Add `--out` for a directory."""
-    argument = command.add_argument(
-        "--out", type=directory, required=required, metavar="DIR", help=text
+    command.add_argument(
+        "--out", type=directory, required=required, metavar="DIR", help=text, complete=DIRECTORY
     )
-    completes(argument, DIRECTORY)
 
 
-def add_observation(command: argparse.ArgumentParser) -> None:
+def add_observation(command: Parser) -> None:
     """Add `--observation`, the kind of observation."""
     command.add_argument(
         "--observation",
@@ -66,37 +58,41 @@ def add_observation(command: argparse.ArgumentParser) -> None:
     )
 
 
-def add_seed(command: argparse.ArgumentParser, text: str) -> None:
+def add_seed(command: Parser, text: str) -> None:
     """Add `--seed`; the text says what is seeded."""
     command.add_argument("--seed", type=seed, default=0, metavar="N", help=f"{text}; default: 0")
 
 
-def add_workers(command: argparse.ArgumentParser, text: str = "number of worker processes") -> None:
+def add_seeds(command: Parser, text: str) -> None:
+    """Add `--seeds`; the text says what is seeded."""
+    command.add_argument(
+        "--seeds", type=seeds, default=range(1), metavar="N|A-B", help=f"{text}; default: 0"
+    )
+
+
+def add_workers(command: Parser, text: str = "number of worker processes") -> None:
     """Add `--workers`, one by default."""
     command.add_argument(
         "--workers", type=workers, default=1, metavar="N", help=f"{text}; default: 1"
     )
 
 
-def add_count(command: argparse.ArgumentParser, option: str, default: int, text: str) -> None:
+def add_count(command: Parser, option: str, default: int, text: str) -> None:
     """Add an option that takes a number from 1."""
     command.add_argument(
         option, type=positive, default=default, metavar="N", help=f"{text}; default: {default}"
     )
 
 
-def add_json(
-    command: argparse.ArgumentParser, text: str = "print only the object of summary.json"
-) -> None:
+def add_json(command: Parser, text: str = "print only the object of summary.json") -> None:
     """Add `--json`."""
     command.add_argument("--json", action="store_true", help=text)
 
 
-def add_output_options(command: argparse.ArgumentParser) -> None:
+def add_output_options(command: Parser) -> None:
     """Add the options on how much a command prints, and whether in colour."""
     command.add_argument(
-        "-q",
-        "--quiet",
+        *("-q", "--quiet"),
         action="store_true",
         help="print only results, warnings and errors: no progress and no notes",
     )
@@ -106,3 +102,9 @@ def add_output_options(command: argparse.ArgumentParser) -> None:
         action="store_false",
         help="print without colours; so does NO_COLOR in the environment",
     )
+
+
+def make_terminal(options: argparse.Namespace) -> Terminal:
+    """The output of a command, as its options ask for."""
+    as_json = getattr(options, "json", False)  # not every command has it
+    return Terminal(quiet=options.quiet, colour=options.colour, as_json=as_json)

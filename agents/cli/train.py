@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import argparse
+from functools import partial
 from pathlib import Path
 
-from agents.cli.arguments import check_directory, check_number, minutes, positive, workers
-from agents.cli.completion import FIELDS, FILE, MODEL, completes
-from agents.cli.shared_options import (
-    RESUME_NOTE,
-    add_out,
-    add_output_options,
-    add_seed,
-    add_workers,
-)
+from agents.cli import shared_options as shared
+from agents.cli.arguments import Parser, check_directory, check_number, minutes, positive, workers
+from agents.cli.completion import FIELDS, FILE, MODEL
 from agents.models import shipped_agents
-from agents.runtime.jobs import DONE, Job
+from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
 from agents.training import run as training
 from agents.training.hyperparameters import read
 from agents.training.run import ALGORITHMS, CHOSEN_ON, REPORTED_ON, Run
+from ferguson_gym.runtime import did_you_mean
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.runtime.suggestions import did_you_mean
 
 MOST = 100_000
 """Upper limit of the fields on which a model is evaluated."""
@@ -39,25 +34,20 @@ examples:
   ferguson train sac --config mine.yml --seed 1 --steps 100000 --out runs/sac"""
 
 
-def add_to(train: argparse.ArgumentParser) -> None:
+def add_to(train: Parser) -> None:
     """Add the arguments."""
     train.add_argument(
-        "algorithm",
-        choices=list(ALGORITHMS),
-        metavar="ALGORITHM",
-        help=f"{', '.join(ALGORITHMS)}",
+        "algorithm", choices=list(ALGORITHMS), metavar="ALGORITHM", help=", ".join(ALGORITHMS)
     )
-    add_out(train, "directory of the model; a training there is resumed")
-    completes(
-        train.add_argument(
-            "--config",
-            metavar="FILE",
-            help="YAML file of hyperparameters, or the name of shipped ones, for example "
-            "ppo-refining; default: those of the algorithm",
-        ),
-        FILE,
+    shared.add_out(train, "directory of the model; a training there is resumed")
+    train.add_argument(
+        "--config",
+        metavar="FILE",
+        help="YAML file of hyperparameters, or the name of shipped ones, for example "
+        "ppo-refining; default: those of the algorithm",
+        complete=FILE,
     )
-    add_seed(train, "seed of all random numbers")
+    shared.add_seed(train, "seed of all random numbers")
     train.add_argument(
         "--steps", type=positive, metavar="N", help="limit of environment steps (flown segments)"
     )
@@ -67,14 +57,12 @@ def add_to(train: argparse.ArgumentParser) -> None:
         metavar="M",
         help="limit of training time; without either limit, n_timesteps of the hyperparameters",
     )
-    completes(
-        train.add_argument(
-            "--from",
-            dest="start",
-            metavar="MODEL",
-            help="initial model, shipped or trained: its network, observation and weights",
-        ),
-        MODEL,
+    train.add_argument(
+        "--from",
+        dest="start",
+        metavar="MODEL",
+        help="initial model, shipped or trained: its network, observation and weights",
+        complete=MODEL,
     )
     train.add_argument(
         "--demos",
@@ -82,36 +70,24 @@ def add_to(train: argparse.ArgumentParser) -> None:
         help="dataset of demonstrations: the training data of bc, the first data of dagger, the "
         "initial replay buffer of sac, td3 and tqc",
     )
-    completes(
-        train.add_argument(
-            "--choose-on",
-            default=CHOSEN_ON,
-            metavar="SPEC",
-            help="fields on which the best model is selected; default: %(default)s",
-        ),
-        FIELDS,
-    )
-    completes(
-        train.add_argument(
-            "--report-on",
-            default=REPORTED_ON,
-            metavar="SPEC",
-            help="fields on which the selected model is evaluated; default: %(default)s",
-        ),
-        FIELDS,
-    )
-    add_workers(train, "number of worker processes, used by dagger")
+    for option, default, what in (
+        ("--choose-on", CHOSEN_ON, "best model is selected"),
+        ("--report-on", REPORTED_ON, "selected model is evaluated"),
+    ):
+        text = f"fields on which the {what}; default: %(default)s"
+        train.add_argument(option, default=default, metavar="SPEC", help=text, complete=FIELDS)
+    shared.add_workers(train, "number of worker processes, used by dagger")
     train.add_argument(
         "--threads", type=workers, default=1, metavar="N", help="threads of torch; default: 1"
     )
     train.add_argument(
         "--fresh", action="store_true", help="start over: delete the earlier training in DIR"
     )
-    add_output_options(train)
+    shared.add_output_options(train)
     train.set_defaults(prepare=prepare)
 
 
-def prepare(options: argparse.Namespace) -> Job:
+def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before training.
 
     Raises:
@@ -142,20 +118,12 @@ def prepare(options: argparse.Namespace) -> Job:
         workers=options.workers,
         threads=options.threads,
         fresh=options.fresh,
-        terminal=Terminal(quiet=options.quiet, colour=options.colour),
+        terminal=terminal,
     )
     if training.can_resume(run) and training.finished(run):
-        return _nothing_to_do(run)
-    train = algorithm.trainer().prepare(run)
-
-    def job() -> int:
-        try:
-            return train()
-        except KeyboardInterrupt:
-            run.terminal.note(RESUME_NOTE)
-            raise
-
-    return job
+        text = f"{run.directory} holds this training, finished; --fresh starts over"
+        return partial(terminal.note, text)
+    return algorithm.trainer().prepare(run)
 
 
 def _initial_model(options: argparse.Namespace) -> Path:
@@ -169,11 +137,3 @@ def _initial_model(options: argparse.Namespace) -> Path:
     if options.out.resolve() in (start.resolve(), *start.resolve().parents):
         raise ValueError(f"--from {options.start} lies in --out {options.out}: choose another")
     return start
-
-
-def _nothing_to_do(run: Run) -> Job:
-    def job() -> int:
-        run.terminal.note(f"{run.directory} holds this training, finished; --fresh starts over")
-        return DONE
-
-    return job

@@ -13,7 +13,7 @@ from typing import Any
 from agents.models.inference.activations import ACTIVATIONS
 from agents.models.inference.features import DISC_SIZE, VEHICLE_SIZE
 from agents.models.model_card import ModelCard
-from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation import settings_of
 
 ON_POLICY = ("ppo", "bc", "dagger")
 """Algorithms with actor-critic policies; each can start from the weights of any other."""

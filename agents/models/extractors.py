@@ -25,11 +25,7 @@ from agents.models.inference.features import (
 
 
 class Plain(BaseFeaturesExtractor):
-    """All entries of the observation concatenated, with goal and rays on finer scales.
-
-    Args:
-        observation_space: dictionary space of the environment.
-    """
+    """All entries of the observation concatenated, with goal and rays on finer scales."""
 
     def __init__(self, observation_space: spaces.Dict) -> None:
         sizes = {key: spaces.flatdim(box) for key, box in observation_space.spaces.items()}
@@ -127,11 +123,9 @@ class _Layer(nn.Module):
         self.before = nn.LayerNorm(width)
         self.asked = nn.Linear(width, 3 * width)
         self.answered = nn.Linear(width, width)
+        wider = nn.Linear(width, 2 * width)
         self.then = nn.Sequential(
-            nn.LayerNorm(width),
-            nn.Linear(width, 2 * width),
-            nn.SiLU(),
-            nn.Linear(2 * width, width),
+            nn.LayerNorm(width), wider, nn.SiLU(), nn.Linear(2 * width, width)
         )
 
     def forward(self, tokens: Tensor, present: Tensor) -> Tensor:
@@ -145,11 +139,7 @@ class _Layer(nn.Module):
 
 
 def _rays_of(space: spaces.Dict) -> int:
-    """Number of features of the rays.
-
-    Raises:
-        ValueError: The observation has no obstacles.
-    """
+    """Number of features of the rays; raises ValueError if obstacles are not observed."""
     if "obstacles" not in space.spaces:
         raise ValueError("this policy needs obstacles in the observation: discs or both, not rays")
     return 2 * spaces.flatdim(space["rays"]) if "rays" in space.spaces else 0
@@ -173,17 +163,11 @@ def _split(observation: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     rows = observation["obstacles"].view(len(own), -1, 4)
     centre = rows[:, :, :2]
     direction = centre / (centre.norm(dim=2, keepdim=True) + DIRECTION_OFFSET)
-    return (
-        own,
-        torch.cat([rows, direction, torch.exp(-NEARNESS_DECAY * rows[:, :, 3:])], dim=2),
-        observation["mask"],
-    )
+    nearness = torch.exp(-NEARNESS_DECAY * rows[:, :, 3:])
+    return own, torch.cat([rows, direction, nearness], dim=2), observation["mask"]
 
 
 def _rays(observation: dict[str, Tensor]) -> list[Tensor]:
     """Ranges of the rays and the nearness of their ends, [] without rays."""
-    return (
-        [observation["rays"], torch.exp(-NEARNESS_DECAY * observation["rays"])]
-        if "rays" in observation
-        else []
-    )
+    rays = [observation["rays"]] if "rays" in observation else []
+    return rays + [torch.exp(-NEARNESS_DECAY * ranges) for ranges in rays]

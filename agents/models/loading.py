@@ -29,16 +29,14 @@ def load(place: str | Path) -> Model:
     """
     directory = directory_of(place)
     card = read_card(directory / CARD)
-    architecture = _compiled_architecture(directory, card)
-    if architecture is not None:
+    if (architecture := _compiled_architecture(directory, card)) is not None:
         read = weights.read(directory / MODEL, architecture.shapes)
         return Model(CompiledNetwork(architecture, read), card)
     try:
         from agents.models import torch_model
     except ImportError as error:
-        raise ValueError(
-            f"the model in {directory} needs {error.name}: {installing('agents')}"
-        ) from None
+        needed = f"{error.name}: {installing('agents')}"
+        raise ValueError(f"the model in {directory} needs {needed}") from None
     return torch_model.load(directory).model
 
 

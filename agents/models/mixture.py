@@ -23,12 +23,7 @@ _NORMAL = 0.5 * math.log(2.0 * math.pi)
 
 
 class Mixture(DiagGaussianDistribution):
-    """A mixture of Gaussians with diagonal, state-dependent covariances.
-
-    Args:
-        action_dim: number of entries of an action.
-        components: number of Gaussians.
-    """
+    """A mixture of `components` Gaussians with diagonal, state-dependent covariances."""
 
     def __init__(self, action_dim: int, components: int) -> None:
         super().__init__(action_dim)
@@ -90,11 +85,8 @@ class Mixture(DiagGaussianDistribution):
 class MixturePolicy(MultiInputActorCriticPolicy):
     """Actor-critic policy over dictionary observations whose actor is a mixture of Gaussians.
 
-    Args:
-        args: arguments of `MultiInputActorCriticPolicy`.
-        components: number of Gaussians.
-        kwargs: keyword arguments of `MultiInputActorCriticPolicy`. Orthogonal initialisation is
-            always off, because its small gain would make all components nearly equal.
+    Its arguments are the number of Gaussians and those of `MultiInputActorCriticPolicy`.
+    Orthogonal initialisation is always off: its small gain makes all components nearly equal.
 
     Raises:
         ValueError: `components` is not a positive integer.

@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Protocol
 
 from agents.models.model_card import CARD, ModelCard
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.settings import Settings, settings_of
-from ferguson_gym.world.actions import Action
+from ferguson_gym.simulation import Observation, Settings, settings_of
+from ferguson_gym.world import Action
 
 MODEL = "model.zip"
 

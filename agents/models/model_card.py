@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from ferguson_gym import ENVIRONMENT_ID, __version__
-from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.runtime import atomic_write
+from ferguson_gym.simulation import settings_of
+from ferguson_gym.world import PAPER_LIMITS
 
 CARD = "model.json"
 ENVIRONMENT_VERSION = f"{ENVIRONMENT_ID} {__version__}"
@@ -71,7 +71,7 @@ def read_card(path: Path) -> ModelCard:
     """Read a card from a file.
 
     Raises:
-        ValueError: The file is not a card, or the model was made for another environment.
+        ValueError: As `parse_card`.
     """
     try:
         text = path.read_text(encoding="utf-8")
@@ -82,10 +82,6 @@ def read_card(path: Path) -> ModelCard:
 
 def parse_card(text: str, where: str = "card") -> ModelCard:
     """Parse a card from the text that `ModelCard.to_json` writes.
-
-    Args:
-        text: JSON.
-        where: source of the text, which begins the message of an error.
 
     Raises:
         ValueError: The text is not a card, or the model was made for another environment.
@@ -111,14 +107,11 @@ def parse_card(text: str, where: str = "card") -> ModelCard:
 def _check_version(card: ModelCard, where: str) -> None:
     known, _, version = card.environment_version.partition(" ")
     if known != ENVIRONMENT_ID:
-        raise ValueError(
-            f"{where}: a model for the environment {known!r}, and this is {ENVIRONMENT_ID}"
-        )
+        reason = f"for the environment {known!r}, and this is {ENVIRONMENT_ID}"
+        raise ValueError(f"{where}: a model {reason}")
     if _number(version) > _number(__version__):
-        raise ValueError(
-            f"{where}: a model made with ferguson-gym {version}, newer than {__version__} which is "
-            "installed"
-        )
+        reason = f"ferguson-gym {version}, newer than {__version__} which is installed"
+        raise ValueError(f"{where}: a model made with {reason}")
 
 
 def _number(version: str) -> tuple[int, ...]:
@@ -127,10 +120,6 @@ def _number(version: str) -> tuple[int, ...]:
 
 def check_environment(arguments: Mapping[str, Any], where: str = "") -> None:
     """Check that a policy trained with these environment arguments can be evaluated.
-
-    Args:
-        arguments: keyword arguments of the environment.
-        where: begins the message of an error.
 
     Raises:
         ValueError: The environment refuses the arguments, or they change the limits of a flight.

@@ -16,11 +16,8 @@ from agents.models.architecture import MIXTURE, ON_POLICY, PLAIN, SETS
 from agents.models.extractors import Attention, DeepSets, Plain
 from agents.models.mixture import MixturePolicy
 
-_FEATURES: dict[str, type[BaseFeaturesExtractor]] = {
-    PLAIN: Plain,
-    SETS: DeepSets,
-    "attention": Attention,
-}
+_FEATURES: dict[str, type[BaseFeaturesExtractor]]
+_FEATURES = {PLAIN: Plain, SETS: DeepSets, "attention": Attention}
 POLICIES = (*_FEATURES, *(f"{name}{MIXTURE}" for name in _FEATURES))
 """Names of policies."""
 
@@ -31,11 +28,7 @@ _CLASSES: dict[str, type[BasePolicy]] = {
     "tqc": TQCPolicy,
 }
 _ACTIVATIONS: dict[str, type[nn.Module]] = {
-    "elu": nn.ELU,
-    "gelu": nn.GELU,
-    "relu": nn.ReLU,
-    "silu": nn.SiLU,
-    "tanh": nn.Tanh,
+    kind.__name__.lower(): kind for kind in (nn.ELU, nn.GELU, nn.ReLU, nn.SiLU, nn.Tanh)
 }
 
 
@@ -60,11 +53,7 @@ def policy_class(algorithm: str, name: str) -> type[BasePolicy]:
 
 
 def sb3_policy_kwargs(name: str, given: Mapping[str, Any]) -> dict[str, Any]:
-    """Arguments of a policy as Stable-Baselines3 expects them, with classes for names.
-
-    Args:
-        name: name of the policy.
-        given: `policy_kwargs` of a YAML file or a card, with classes by name.
+    """`policy_kwargs` of a YAML file or a card as Stable-Baselines3 expects them: with classes.
 
     Raises:
         ValueError: The activation is unknown.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import json
+from contextlib import suppress
 from pathlib import Path
 
 from agents.models import loading
@@ -20,8 +21,7 @@ _FILES = (MODEL, CARD)
 
 def shipped() -> dict[str, Path]:
     """Directories of the shipped agents by name; `best` is one of the names."""
-    agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if path.is_dir()}
-    agents = {name: path for name, path in agents.items() if (path / _FILES[0]).exists()}
+    agents = {path.name: path for path in sorted(SHIPPED.iterdir()) if (path / MODEL).exists()}
     if (plain := (best() or BEST).partition("+")[0]) in agents:
         agents[BEST] = agents[plain]
     return agents
@@ -54,16 +54,13 @@ def find_agent(name: str) -> Path | None:
         ValueError: The agent needs a library that is not installed.
     """
     place = shipped().get(name) or _at(Path(name))
-    if place is not None and _needs_torch(place):
+    needs_torch = False
+    if place is not None:
+        with suppress(ValueError):  # loading reports it
+            needs_torch = loading.needs_torch(place)
+    if needs_torch:
         require_libraries(f"agent {name!r}")
     return place
-
-
-def _needs_torch(place: Path) -> bool:
-    try:
-        return loading.needs_torch(place)
-    except ValueError:  # loading reports it
-        return False
 
 
 def _at(path: Path) -> Path | None:
@@ -77,12 +74,8 @@ def _at(path: Path) -> Path | None:
 def require_libraries(what: str, *modules: str) -> None:
     """Check that the libraries for training are installed, without importing them.
 
-    Args:
-        what: what needs them, for the message.
-        modules: further modules to check.
-
     Raises:
-        ValueError: A library is not installed.
+        ValueError: One of them, or of the further modules, is missing; `what` needs it.
     """
     for module in ("torch", "stable_baselines3", "sb3_contrib", *modules):
         if importlib.util.find_spec(module) is None:

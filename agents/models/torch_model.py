@@ -6,7 +6,7 @@ import io
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -20,13 +20,12 @@ from agents.models import networks, weights
 from agents.models.architecture import architecture_of
 from agents.models.inference.activations import Float32Array
 from agents.models.inference.forward import CompiledNetwork
-from agents.models.model import MODEL, Model, Network, directory_of
+from agents.models.model import MODEL, Model, directory_of
 from agents.models.model_card import CARD, ModelCard, read_card, write_card
-from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.runtime import atomic_write
+from ferguson_gym.simulation import Observation, settings_of
 from ferguson_gym.spaces import action_space, observation_space
-from ferguson_gym.world.actions import Action
+from ferguson_gym.world import Action
 
 BLOCK = 16
 """Batch size of every forward pass in flight."""
@@ -54,13 +53,9 @@ class TorchModel:
     @property
     def model(self) -> Model:
         """The model for flight; compiled kernels get a copy of the current weights."""
-        architecture = architecture_of(self.card)
-        network: Network = (
-            TorchNetwork(self.policy)
-            if architecture is None
-            else CompiledNetwork(architecture, self.weights)
-        )
-        return Model(network, self.card)
+        if (architecture := architecture_of(self.card)) is None:
+            return Model(TorchNetwork(self.policy), self.card)
+        return Model(CompiledNetwork(architecture, self.weights), self.card)
 
 
 def _distinct(policy: BasePolicy) -> dict[str, Tensor]:
@@ -74,12 +69,8 @@ def _distinct(policy: BasePolicy) -> dict[str, Tensor]:
 def build(card: ModelCard, where: str = "") -> BasePolicy:
     """Build the network that a card describes, with random weights.
 
-    Args:
-        card: the description.
-        where: begins the message of an error.
-
     Raises:
-        ValueError: The card describes no valid network.
+        ValueError: The card describes no valid network; `where` begins the message.
     """
     try:
         _check_sizes(card.policy_kwargs)
@@ -135,10 +126,7 @@ def export(source: Path, directory: Path) -> None:
 
 
 def load(place: str | Path) -> TorchModel:
-    """Load a policy in torch, to train it further or to fly it.
-
-    Args:
-        place: directory of the model, or the `model.zip` in it.
+    """Load a policy in torch, given its directory or `model.zip`, to train it further or to fly it.
 
     Raises:
         ValueError: As `agents.models.loading.load`.
@@ -159,11 +147,7 @@ def load(place: str | Path) -> TorchModel:
 
 
 def _load_state(policy: BasePolicy, given: Mapping[str, Tensor], path: Path) -> None:
-    """Load weights into a policy.
-
-    Raises:
-        ValueError: The weights do not fit the policy, or are not finite.
-    """
+    """Load weights into a policy; raises ValueError if they do not fit it or are not finite."""
     try:
         policy.load_state_dict(given)
     except (RuntimeError, TypeError, AttributeError) as error:
@@ -179,16 +163,14 @@ def _read_state(path: Path) -> dict[str, Tensor]:
     """Weights of a model saved without arrays, read by torch's loader of weights alone."""
     try:
         with zipfile.ZipFile(path) as archive:
-            if (size := archive.getinfo(_PICKLED).file_size) > 4 * weights.MAX_WEIGHTS:
-                raise ValueError(
-                    f"{path}: {size:,} bytes of weights; at most {4 * weights.MAX_WEIGHTS:,}"
-                )
+            size, most = archive.getinfo(_PICKLED).file_size, 4 * weights.MAX_WEIGHTS
+            if size > most:
+                raise ValueError(f"{path}: {size:,} bytes of weights; at most {most:,}")
             # read at once: torch seeks back and forth, and each seek would unpack from the start
             file = io.BytesIO(archive.read(_PICKLED))
     except KeyError:
-        raise ValueError(
-            f"{path}: no weights in it: cut short, or not saved by this package"
-        ) from None
+        text = f"{path}: no weights in it: cut short, or not saved by this package"
+        raise ValueError(text) from None
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError):
         raise ValueError(f"{path}: not a zip file, or damaged") from None
     try:
@@ -237,12 +219,9 @@ class TorchNetwork:
         self._one_thread_set = False
 
     def act(self, observation: Observation) -> Action:
-        """Deterministic actions (n, 4); a row's action does not depend on the other rows.
+        """Deterministic actions (n, 4) of entries (n, size), each independent of other rows.
 
         Torch keeps one thread afterwards; `session` restores the previous number.
-
-        Args:
-            observation: entries of shape (n, size).
         """
         # checked at each call: Numba resets OpenMP's number, which is torch's, with its own threads
         if not self._one_thread_set or torch.get_num_threads() != 1:
@@ -250,9 +229,8 @@ class TorchNetwork:
             self._one_thread_set = True
         policy, number = self.policy, len(next(iter(observation.values())))
         actions = np.empty((number, 4), np.float32)
-        block = {
-            k: np.empty((BLOCK, *value.shape[1:]), np.float32) for k, value in observation.items()
-        }
+        shapes = {key: (BLOCK, *value.shape[1:]) for key, value in observation.items()}
+        block = {key: np.empty(shape, np.float32) for key, shape in shapes.items()}
         asked = {key: torch.from_numpy(value) for key, value in block.items()}
         if policy.training:  # the call visits all modules and costs as much as a pass
             policy.set_training_mode(False)
@@ -267,8 +245,6 @@ class TorchNetwork:
         # as in `policy.predict`
         return policy.unscale_action(actions) if policy.squash_output else np.clip(actions, -1, 1)
 
-    @contextmanager
-    def session(self) -> Iterator[None]:
+    def session(self) -> AbstractContextManager[None]:
         """Limit torch to one thread within the block."""
-        with one_thread():
-            yield
+        return one_thread()

@@ -82,9 +82,8 @@ def read(path: Path, shapes: Shapes) -> dict[str, Float32Array]:
             many weights; the file is not a zip file or is damaged.
     """
     if (count := sum(math.prod(shape) for shape in shapes.values())) > MAX_WEIGHTS:
-        raise ValueError(
-            f"{path}: a network of {count:,} weights; at most {MAX_WEIGHTS:,} are read"
-        )
+        size = f"a network of {count:,} weights; at most {MAX_WEIGHTS:,} are read"
+        raise ValueError(f"{path}: {size}")
     with _open_zip(path) as archive:
         found = {name: _read(archive, name, shape) for name, shape in shapes.items()}
     if not all(np.isfinite(value).all() for value in found.values()):

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
+from ferguson_gym.simulation import Observation
+from ferguson_gym.world import Action, Field, transition
 from planners.interface import Decision, Route
 
 

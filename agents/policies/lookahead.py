@@ -20,13 +20,9 @@ from numpy.typing import NDArray
 
 from agents.models.model import Model
 from agents.policies.network_policy import NetworkPolicy
-from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
+from ferguson_gym.runtime import Array
+from ferguson_gym.simulation import Observation, Settings, SimulatedRollouts
+from ferguson_gym.world import Action, Field, transition
 
 MOST = 1024
 """Upper limit of the number of simulated flights."""
@@ -64,7 +60,10 @@ class LookaheadPolicy:
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The next action (4,) of the best flight; None at the end of a flight that fails."""
-        if self._expected is None or not _is_at(vehicle, *self._expected):
+        if self._expected is None or not (
+            vehicle.segments == self._expected[0]
+            and np.array_equal(vehicle.position, self._expected[1])
+        ):
             stream = np.random.default_rng((self._seed, vehicle.segments))
             self._ahead = shortest_rollout(
                 self._model, self._settings, self._field, vehicle, self._tries, stream
@@ -74,10 +73,6 @@ class LookaheadPolicy:
         action, end = self._ahead.pop(0)
         self._expected = vehicle.segments + 1, end
         return action
-
-
-def _is_at(vehicle: transition.State, segments: int, position: Array) -> bool:
-    return vehicle.segments == segments and np.array_equal(vehicle.position, position)
 
 
 def shortest_rollout(
@@ -99,7 +94,7 @@ def shortest_rollout(
         stream: draws the disturbances.
 
     Returns:
-        The actions of the flight; if no flight arrives, those of the undisturbed one.
+        Its legs; if no flight arrives, those of the undisturbed one.
     """
     flights = SimulatedRollouts(field, vehicle, tries, settings)
     spreads = np.linspace(0.0, SPREAD, tries)[:, None]

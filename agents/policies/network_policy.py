@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
 from agents.models import loading, model_card
 from agents.models.model import MODEL, Model
 from agents.runtime.kernels import small_field
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.observe import observe
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field
+from ferguson_gym.simulation import Observation, observe
+from ferguson_gym.world import Action, Field, transition
 
 
 class NetworkPolicy:
@@ -49,11 +47,9 @@ def network_policy(directory: Path) -> NetworkPolicy:
 
 def _stamp(file: Path) -> tuple[int, int]:
     """Time of the last change [ns] and size of a file; zeros if there is none."""
-    try:
-        status = file.stat()
-    except OSError:
-        return 0, 0
-    return status.st_mtime_ns, status.st_size
+    with suppress(OSError):
+        return (status := file.stat()).st_mtime_ns, status.st_size
+    return 0, 0
 
 
 @lru_cache(maxsize=8)

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from agents.policies.interface import PlannerPolicy
-from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action, encode
-from ferguson_gym.world.field import Field
+from ferguson_gym.runtime import Array
+from ferguson_gym.simulation import Observation
+from ferguson_gym.world import Action, Field, encode, transition
 from planners.interface import Decision, Plan, Planner, Replanner, Route, State
 from planners.rollout import successor
 

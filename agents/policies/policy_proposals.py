@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from agents.policies.interface import Policy
-from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation.observe import observe_one
-from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import decode
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.runtime import Array
+from ferguson_gym.simulation import Settings, observe_one
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, decode, transition
 
 _SEEN = Settings()
 """The default settings of the environment, in which policies fly."""

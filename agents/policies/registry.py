@@ -10,8 +10,8 @@ from agents.policies.planner_policies import TrackingPolicy, planner_policy
 from agents.policies.policy_proposals import PolicyProposer
 from agents.policies.shield import Shield
 from agents.policies.spec import PolicySpec
-from ferguson_gym.runtime.suggestions import did_you_mean
-from planners.interface import Planner
+from ferguson_gym.runtime import did_you_mean
+from planners import Planner
 from planners.registry import PLANNERS, starting_from
 
 

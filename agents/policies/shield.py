@@ -27,17 +27,12 @@ import numpy as np
 
 from agents.policies.interface import Policy
 from agents.policies.shield_decisions import ShieldDecision
-from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.observe import observe_one
-from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.world import transition
-from ferguson_gym.world.actions import Action, encode
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.simulation import Observation, Settings, observe_one
+from ferguson_gym.world import Action, Field, Outcome, encode, transition
 from planners.interface import Decision, Replanner, State, WindowReport
-from planners.receding_horizon.guided import Guided
+from planners.receding_horizon import Guided
 from planners.rollout import successor
 
 PATIENCE = 3
@@ -103,7 +98,9 @@ class Shield:
         began = time.perf_counter()
         state = State(vehicle) if self._last is None else successor(*self._last, vehicle)
         self._measure(vehicle)
-        proposal = self._proposal(observation, vehicle)
+        proposal = self._ahead
+        if proposal is None or not _same(proposal.vehicle, vehicle):
+            proposal = self._ask(observation, vehicle)
         how = self._check(state, proposal)
         if how is not ShieldDecision.AGENT:
             decision = self._decide(state)
@@ -137,12 +134,6 @@ class Shield:
     def _note(self, how: ShieldDecision, decision: Decision) -> None:
         self.shield_decisions.append(how)
         self.decisions.append(decision)
-
-    def _proposal(self, observation: Observation, vehicle: transition.State) -> _Proposal:
-        """The agent's proposal, computed now or one step ahead."""
-        if self._ahead is not None and _same(self._ahead.vehicle, vehicle):
-            return self._ahead
-        return self._ask(observation, vehicle)
 
     def _ask(self, observation: Observation, vehicle: transition.State) -> _Proposal:
         action = self._agent.act(observation, vehicle)

@@ -77,19 +77,16 @@ class PolicySpec:
         name, found, tries = text.partition(_TRIES)
         if found and not (tries.isascii() and tries.isdecimal()):
             raise ValueError(f"policy {text!r}: need a whole number after {_TRIES}, got {tries!r}")
-        number = int(tries) if found else None
         best = shipped_agents.best() if name == shipped_agents.BEST else None
-        if best is None:
-            return cls(agent=name, tries=number)
-        spec = cls._parse_agent(best)
-        return spec if number is None else replace(spec, tries=number)
+        spec = cls(agent=name) if best is None else cls._parse_agent(best)
+        return replace(spec, tries=int(tries)) if found else spec
 
     def with_options(self, start_from: str | None = None, **options: Any) -> PolicySpec:
-        """This planner with further options; those that are None or False change nothing.
+        """This planner with options of `planners.registry.PlannerSpec`; None or False: unchanged.
 
         Args:
             start_from: name of the policy that windows start from.
-            options: those of `planners.registry.PlannerSpec`.
+            options: by their names.
 
         Raises:
             ValueError: the name carries one of them already, or as `parse`.

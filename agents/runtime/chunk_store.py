@@ -18,9 +18,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from agents.runtime.safe_npz import read_arrays
-from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.runtime import atomic_write
 
 START_OVER = "choose another --out, or start over with --fresh"
+_REQUEST = "request.json"
 _MOST_CHARACTERS = 120
 """Limit on the length of a value in a message."""
 T = TypeVar("T")
@@ -44,10 +45,6 @@ class ChunkStore:
         """Short hash of the request."""
         return hashlib.sha256(json.dumps(self.request, sort_keys=True).encode()).hexdigest()[:12]
 
-    @property
-    def _file_of_request(self) -> Path:
-        return self.place / "request.json"
-
     def file(self, chunk: int) -> Path:
         """Path of a chunk."""
         # the digest: a worker that outlives a killed run must not write into another's chunks
@@ -62,22 +59,19 @@ class ChunkStore:
         # a run may have been stopped while it wrote its first file
         if all(path.name.startswith(".") for path in self.place.glob("*")):
             return False
-        found = read_json(self._file_of_request)
+        found = read_json(self.place / _REQUEST)
         refuse_other(found, self.request, f"unfinished work at {self.place}")
         return True
 
     def begin(self) -> list[int]:
-        """Make the directory, or resume its work.
-
-        Returns:
-            The chunks that are missing.
+        """Make the directory, or resume its work; returns the chunks that are missing.
 
         Raises:
             ValueError: As `holds_work`.
         """
         if not self.holds_work():
             self.place.mkdir(parents=True, exist_ok=True)
-            with atomic_write(self._file_of_request) as temporary:
+            with atomic_write(self.place / _REQUEST) as temporary:
                 temporary.write_text(json.dumps(self.request), encoding="utf-8")
         return [chunk for chunk in range(self.number) if not self.file(chunk).exists()]
 
@@ -87,11 +81,7 @@ class ChunkStore:
             np.savez(temporary, allow_pickle=False, **arrays)
 
     def read(self, chunk: int, parse: Callable[[dict[str, Any]], T]) -> T:
-        """Read a chunk.
-
-        Args:
-            chunk: number of the chunk.
-            parse: turns its arrays into the result; raises ValueError if they are damaged.
+        """Read a chunk; `parse` makes the result of its arrays, or raises ValueError.
 
         Raises:
             OSError: The chunk cannot be read, or it is damaged.
@@ -121,15 +111,10 @@ def read_json(path: Path) -> dict[str, Any]:
 
 
 def refuse_other(found: object, wanted: Mapping[str, Any], what: str) -> None:
-    """Refuse work or results of another request, naming the entries that differ.
-
-    Args:
-        found: the request on disk.
-        wanted: the current request.
-        what: what is on disk, for the message.
+    """Refuse work or results (`what`, for the message) of another request.
 
     Raises:
-        ValueError: The two differ, or `found` is not a request.
+        ValueError: The request on disk is not the wanted one; the message names what differs.
     """
     if not isinstance(found, dict) or not found:
         raise ValueError(f"{what} does not say how it was made; {START_OVER}")
@@ -147,10 +132,8 @@ def _flat(entries: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Entries of nested mappings by dotted path."""
     flat: dict[str, Any] = {}
     for key, value in entries.items():
-        if isinstance(value, Mapping) and value:
-            flat |= _flat(value, f"{prefix}{key}.")
-        else:
-            flat[f"{prefix}{key}"] = value
+        nested = isinstance(value, Mapping) and value
+        flat |= _flat(value, f"{prefix}{key}.") if nested else {f"{prefix}{key}": value}
     return flat
 
 

@@ -155,11 +155,7 @@ class Backend:
 
 
 def parse_address(address: str) -> tuple[str, int]:
-    """Split an address into host and port.
-
-    Raises:
-        ValueError: The address is not HOST:PORT.
-    """
+    """Split HOST:PORT into its parts; raises ValueError for any other text."""
     match = re.fullmatch(r"(?:tcp://)?\[?([^\[\]/]+?)\]?:([0-9]{1,5})", address)
     if match is None or not 0 < int(match[2]) < 65536:
         raise ValueError(f"an address is HOST:PORT, for example 10.0.0.1:8786, got {address!r}")
@@ -221,11 +217,7 @@ def open_backend(backend: Backend) -> Iterator[Run]:
 
 @contextmanager
 def _dask(backend: Backend) -> Iterator[Any]:
-    """Connect a client to the scheduler.
-
-    Raises:
-        ConnectionError: The scheduler does not answer, or it has no workers.
-    """
+    """Connect a client to the scheduler; raises ConnectionError if that fails or has no workers."""
     distributed: Any = importlib.import_module("distributed")
     assert backend.address is not None
     host, port = parse_address(backend.address)

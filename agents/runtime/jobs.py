@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-Job = Callable[[], int]
-"""A command ready to run; returns the exit status."""
-
 DONE = 0
-"""Exit status of success."""
+Job = Callable[[], int | None]
+"""A command ready to run; returns the exit status, or None for `DONE`, which is success."""

@@ -7,9 +7,8 @@ from functools import cache
 import numpy as np
 
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.shortest_paths.exact import exact_length
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.shortest_paths import exact_length
+from ferguson_gym.world import Discs, Field
 
 
 @cache

@@ -66,12 +66,7 @@ class Terminal:
         if not self._out.is_terminal:
             self._out = _Console(highlight=False, no_color=plain, width=WIDTH)
         self._err = _Console(highlight=False, no_color=plain, stderr=True)
-        self._quiet, self.as_json = quiet, as_json
-
-    @property
-    def quiet(self) -> bool:
-        """Whether progress bars and notes are omitted."""
-        return self._quiet
+        self.quiet, self.as_json = quiet, as_json
 
     def show(self, *results: RenderableType) -> None:
         """Print tables and sentences, unless results are JSON."""
@@ -87,33 +82,23 @@ class Terminal:
 
     def note(self, text: str) -> None:
         """Print a note to standard error, unless quiet."""
-        if not self._quiet:
+        if not self.quiet:
             self._err.print(text, markup=False, soft_wrap=True)
 
     def bar(self) -> Progress:
         """Progress bar with the number of finished parts, elapsed and remaining time."""
-        return self._progress(
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TimeRemainingColumn(),
-            _CompilationHint(),
-        )
+        times = (TimeElapsedColumn(), TimeRemainingColumn(), _CompilationHint())
+        return self._progress(BarColumn(), MofNCompleteColumn(), *times)
 
     def share_bar(self) -> Progress:
         """Progress bar with the percentage done, for work without parts."""
-        return self._progress(
-            BarColumn(), TextColumn("{task.percentage:.0f}%"), TimeElapsedColumn()
-        )
+        percentage = TextColumn("{task.percentage:.0f}%")
+        return self._progress(BarColumn(), percentage, TimeElapsedColumn())
 
     def still_bar(self) -> Progress:
-        """Progress bar for timed parts: drawn only on `refresh`.
-
-        A thread that draws would disturb the timing.
-        """
-        return self._progress(
-            BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), auto_refresh=False
-        )
+        """Progress bar for timed parts, which a thread that draws would disturb: on `refresh`."""
+        columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+        return self._progress(*columns, auto_refresh=False)
 
     def _progress(self, *columns: object, auto_refresh: bool = True) -> Progress:
         err = self._err
@@ -124,5 +109,5 @@ class Terminal:
             auto_refresh=auto_refresh,
             transient=True,
             # a bar cannot be erased from a file or a dumb terminal
-            disable=self._quiet or not err.is_terminal or err.is_dumb_terminal,
+            disable=self.quiet or not err.is_terminal or err.is_dumb_terminal,
         )

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from planners.interface import Decision
+from planners import Decision
 
 NONE = "-"
 """Text of a cell without a value."""
@@ -48,14 +48,7 @@ def windows(decisions: Sequence[Decision]) -> Table:
     """Table of the windows of a plan, one row a decision."""
     table = empty_table(
         "Windows",
-        "step",
-        "start kept",
-        "feasible",
-        "objective [m]",
-        "eval.",
-        "rounds",
-        "ms",
-        "solver",
+        *("step", "start kept", "feasible", "objective [m]", "eval.", "rounds", "ms", "solver"),
         caption="final: re-optimised to end on the goal; the objective is then the length",
     )
     for decision in decisions:

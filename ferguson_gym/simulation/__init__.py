@@ -6,7 +6,9 @@ from any state, and `observe` writes observations without an environment.
 """
 
 from ferguson_gym.simulation.batch_simulator import BatchSimulator as BatchSimulator
+from ferguson_gym.simulation.observations import Observation as Observation
 from ferguson_gym.simulation.observe import observe as observe
 from ferguson_gym.simulation.observe import observe_one as observe_one
 from ferguson_gym.simulation.settings import Settings as Settings
+from ferguson_gym.simulation.settings import settings_of as settings_of
 from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts as SimulatedRollouts

@@ -5,6 +5,7 @@ find fields by name. `encode` and `decode` translate between segments and action
 `is_feasible` certify segments, and `advance` flies one action from a `State` to the next.
 """
 
+from ferguson_gym.world.actions import Action as Action
 from ferguson_gym.world.actions import decode as decode
 from ferguson_gym.world.actions import encode as encode
 from ferguson_gym.world.feasibility import Inspection as Inspection

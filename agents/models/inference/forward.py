@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from typing import TypeAlias
 
 import numpy as np
@@ -13,11 +13,12 @@ from agents.models.inference import features, heads
 from agents.models.inference.activations import ACTIVATIONS, Float32Array
 from agents.models.inference.matmul import affine
 from agents.models.weights import Weights
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.world.actions import Action
+from ferguson_gym.simulation import Observation
+from ferguson_gym.world import Action
 
 _Layer: TypeAlias = tuple[Float32Array, Float32Array]
 """Weights (in, out) and bias (out,)."""
+_Features: TypeAlias = Callable[[Observation], Float32Array]
 
 
 class CompiledNetwork:
@@ -30,20 +31,14 @@ class CompiledNetwork:
 
     def __init__(self, architecture: Architecture, weights: Weights) -> None:
         self._features = _features(architecture, weights)
-        actor = [
-            _layer(weights, f"mlp_extractor.policy_net.{2 * number}")
-            for number in range(len(architecture.hidden))
-        ]
-        self._hidden, self._last = actor, _layer(weights, "action_net")
+        names = [f"mlp_extractor.policy_net.{2 * n}" for n in range(len(architecture.hidden))]
+        self._hidden = [_layer(weights, name) for name in names]
+        self._last = _layer(weights, "action_net")
         self._activate = ACTIVATIONS[architecture.activation]
         self._components = architecture.components
 
     def act(self, observation: Observation) -> Action:
-        """Deterministic actions (n, 4); a row's action does not depend on the other rows.
-
-        Args:
-            observation: entries of shape (n, size).
-        """
+        """Deterministic actions (n, 4) of entries (n, size), each independent of other rows."""
         rows = self._features(observation)
         for layer in self._hidden:
             rows = affine(rows, *layer)
@@ -53,10 +48,9 @@ class CompiledNetwork:
             return heads.gaussian_mode(rows, ACTION_SIZE)
         return heads.mixture_mode(rows, ACTION_SIZE, self._components)
 
-    @contextmanager
-    def session(self) -> Iterator[None]:
+    def session(self) -> AbstractContextManager[None]:
         """Context for many calls; nothing needs to be prepared."""
-        yield
+        return nullcontext()
 
 
 def _layer(weights: Weights, name: str) -> _Layer:
@@ -68,25 +62,18 @@ def _transposed(matrix: Float32Array) -> Float32Array:
     return np.array(matrix.T, order="C")
 
 
-def _features(
-    architecture: Architecture, weights: Weights
-) -> Callable[[Observation], Float32Array]:
+def _features(architecture: Architecture, weights: Weights) -> _Features:
     """The function that computes features (n, features) of an observation."""
     if architecture.width is None:
         return lambda observation: features.plain(*_entries(observation))
     of_disc, bias = _layer(weights, "features_extractor.obstacle")
     of_vehicle = _transposed(weights["features_extractor.vehicle.weight"])
     layers = (of_disc, of_vehicle, bias, *_layer(weights, "features_extractor.then"))
-    return lambda observation: features.sets(*_entries(observation), *layers)
+    return lambda observation: features.sets(*[*_entries(observation), *layers])
 
 
-def _entries(
-    observation: Observation,
-) -> tuple[Float32Array, Float32Array, Float32Array, Float32Array, Float32Array]:
+def _entries(observation: Observation) -> list[Float32Array]:
     """Goal, vehicle, mask, obstacles and rays; entries not observed have no columns."""
     nothing = np.empty((len(observation["goal"]), 0), np.float32)
-    goal, vehicle, mask, obstacles, rays = (
-        np.ascontiguousarray(observation.get(key, nothing), np.float32)
-        for key in ("goal", "vehicle", "mask", "obstacles", "rays")
-    )
-    return goal, vehicle, mask, obstacles, rays
+    keys = ("goal", "vehicle", "mask", "obstacles", "rays")
+    return [np.ascontiguousarray(observation.get(key, nothing), np.float32) for key in keys]
