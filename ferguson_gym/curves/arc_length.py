@@ -50,10 +50,7 @@ def _fill_hodograph(control: Array, stack: Array, axes: tuple[int, ...]) -> floa
 
 @compiled_in_place
 def _normalise(stack: Array, scale: float, axes: tuple[int, ...]) -> float:
-    """Divide the Bézier points by a scale; return the length of the segment's control polygon.
-
-    Squares of numbers that were not scaled could overflow.
-    """
+    """Divide the Bézier points by a scale, against overflow; return their polygon's length."""
     polygon = 0.0
     for row in range(3):
         norm2 = 0.0
@@ -136,14 +133,10 @@ def _halve(stack: Array, piece: int, axes: tuple[int, ...]) -> None:
 def segment_length(
     control: Array, stack: Array, widths: Array, speed2: Array, axes: tuple[int, ...]
 ) -> float:
-    """Arc length of one segment (4, D).
+    """Arc length [m] of one segment (4, D); axes are (0, ..., D - 1).
 
-    Args:
-        control: (4, D) segment.
-        stack: scratch (DEPTH, 3, D), the Bézier points of X'(t) on each piece.
-        widths: scratch (DEPTH,), the part of [0, 1] that each piece covers.
-        speed2: scratch (NODES,).
-        axes: (0, ..., D - 1), a tuple, whose length the compiler knows.
+    Scratch: stack (DEPTH, 3, D), the Bézier points of X'(t) on each piece; widths (DEPTH,), the
+    part of [0, 1] that each covers; speed2 (NODES,).
     """
     scale = _fill_hodograph(control, stack, axes)
     if scale == 0.0:

@@ -3,7 +3,7 @@
 Every bound returned is proved for the whole curve, rounding included: a distance found is
 reduced by an outward margin of 2e-10 of the scale (the largest distance between a Bézier
 point and the disc's centre) plus 1e-15 of the largest coordinate. For a flight in the
-paper's field that is below 1e-7 m. Numbers below 1e-150, whose squares are none, count as zero.
+paper's field that is below 1e-7 m. Numbers below 1e-150, whose squares underflow, count as zero.
 
 Reference:
     The paper, section III-C3, samples 29 points of a segment; a curve can cut
@@ -79,10 +79,7 @@ def is_clear(
     """Whether each segment keeps at least `least` [m] from all discs: (*batch,) of bool.
 
     The quick question on its own: a yes is proved as in `clearance`; within 3e-10 of the
-    scale above the threshold the answer may be no.
-
-    Raises:
-        ValueError: mismatched shapes, NaN or infinity.
+    scale above the threshold the answer may be no. Errors are those of `closest`.
 
     Example:
         >>> is_clear([[0, 0], [9, 3], [9, 0], [9, 6]], [[5, 3]], [1], least=0.9).item()

@@ -15,7 +15,7 @@ from ferguson_gym.runtime.arrays import Array, frozen
 from ferguson_gym.runtime.atomic_files import atomic_write
 
 _JOINT = 1e-9
-"""Largest gap between segments, part of the path's largest number."""
+"""Largest gap between segments, relative to the largest entry of the control array."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -117,11 +117,7 @@ def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericAr
 
 
 def curvature(control: ArrayLike, t: ArrayLike) -> Array:
-    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes.
-
-    Raises:
-        ValueError: as `evaluate`.
-    """
+    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes."""
     control = as_control(control)
     first, second = derivative(control, t, 1), derivative(control, t, 2)
     speed2 = np.sum(first * first, axis=-1)
@@ -146,21 +142,13 @@ def max_curvature(control: ArrayLike) -> Array:
 
 
 def to_bezier(control: GenericArray) -> GenericArray:
-    """Bézier points (*batch, 4, D) [m] of the same cubic.
-
-    Raises:
-        ValueError: a control array of another shape or not finite.
-    """
+    """Bézier points (*batch, 4, D) [m] of the same cubic; ValueError as `as_control`."""
     points: GenericArray = _TO_BEZIER @ _generic(control)
     return points
 
 
 def from_bezier(points: GenericArray) -> GenericArray:
-    """Control array (*batch, 4, D) of the cubic with these Bézier points.
-
-    Raises:
-        ValueError: points of another shape or not finite.
-    """
+    """Control array (*batch, 4, D) of the cubic with these Bézier points; ValueError as there."""
     control: GenericArray = _FROM_BEZIER @ _generic(points)
     return control
 
@@ -231,9 +219,6 @@ def _extents(control: Array) -> tuple[Array, Array]:
 
 def extent(control: ArrayLike) -> tuple[Array, Array]:
     """Least and greatest value of each coordinate along the segments: 2 x (*batch, D) [m].
-
-    Raises:
-        ValueError: a control array of another shape or not finite.
 
     Example:
         >>> low, high = extent([[0, 0], [9, 0], [9, 9], [9, -9]])

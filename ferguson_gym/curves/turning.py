@@ -40,7 +40,7 @@ def _bending_energy(control: Array) -> float:
 
     # where a segment is slow it turns sharply, on a stretch that samples may miss
     slowest = float(least_speed(control)[1])
-    # with all that it could say, or it warns of what a segment that nearly stands still costs
+    # full output instead of warnings where a segment nearly stands still
     energy, *_ = quad(
         density, 0.0, 1.0, points=[slowest], epsabs=1e-12, epsrel=1e-9, limit=200, full_output=1
     )
@@ -71,17 +71,10 @@ def fastest_turn(radius: float, roll: float = PAPER_ROLL) -> float:
 
 
 def tightest_turn(speed: float, roll: float = PAPER_ROLL) -> float:
-    """Least radius [m] of a coordinated, level turn: the inverse of `fastest_turn`.
-
-    Args:
-        speed: [m/s].
-        roll: greatest roll angle [rad].
+    """Least radius [m] of a coordinated, level turn at a speed [m/s]: inverts `fastest_turn`.
 
     Raises:
         ValueError: a negative speed, or a roll angle not between level and a quarter turn.
-
-    Reference:
-        The paper, equation (1).
     """
     if not speed >= 0.0:
         raise ValueError(f"a speed is at least 0 m/s, got {speed}")

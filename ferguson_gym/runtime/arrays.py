@@ -13,22 +13,15 @@ Array: TypeAlias = NDArray[np.float64]
 GenericArray: TypeAlias = NDArray[Any]
 """Real or complex numbers: functions typed so can be differentiated by complex step."""
 
-
 LARGEST = 1e120
-"""Numbers that are taken from outside are no larger: their squares, and the squares of those, are
-numbers too, on which every proof here rests."""
+"""Upper limit of numbers from outside: their fourth powers are finite, as every proof needs."""
 
 
 def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Array:
-    """Return `value` as a C-contiguous float64 array; strings and complex numbers are refused.
-
-    Args:
-        name: what the array is called in the error.
-        value: anything NumPy can read.
-        kind: what it should be, for the error.
+    """Return `value` as a C-contiguous float64 array.
 
     Raises:
-        ValueError: not an array of real numbers.
+        ValueError: not an array of real numbers; the message names it and the `kind` expected.
     """
     try:
         array = np.asarray(value)
@@ -49,14 +42,11 @@ def truncate_repr(value: object, most: int = 60) -> str:
 def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
     """Return `value` as a C-contiguous float64 array after checking shape and finiteness.
 
-    Args:
-        name: what the array is called in the error.
-        value: anything NumPy can read.
-        shape: expected shape; None stands for any size along that axis.
+    A size of None in `shape` stands for any size along that axis.
 
     Raises:
         ValueError: not real numbers, another shape, or an entry that is NaN, infinite or beyond
-            `LARGEST`.
+            `LARGEST`; the message names the array.
     """
     array = real(name, value, "an array of numbers" if shape else "a number")
     if len(array.shape) != len(shape) or any(
@@ -70,7 +60,7 @@ def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
 
 
 def check_size(name: str, array: GenericArray) -> None:
-    """Refuse numbers that are no numbers, or too large.
+    """Refuse entries that are not finite or too large.
 
     Raises:
         ValueError: an entry that is NaN, infinite or beyond `LARGEST`.

@@ -1,4 +1,4 @@
-"""Writing files whole or not at all: beside their place, then moved into it."""
+"""Atomic writes: a file is written beside its place and then moved there."""
 
 from __future__ import annotations
 
@@ -32,10 +32,8 @@ def atomic_write(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def unwritable(directory: str | os.PathLike[str]) -> str | None:
-    """Why no file can be written in a directory that exists; None if one can.
-
-    It is tried: what permissions say is not the truth for root, nor on every file system.
-    """
+    """The error of writing a file in an existing directory; None if it succeeds."""
+    # a file is written, since permissions mislead for root and on some file systems
     try:
         with tempfile.TemporaryFile(dir=directory):
             return None

@@ -1,4 +1,4 @@
-"""Optional libraries: whether one is there, and what to install where it is missing."""
+"""Optional libraries: a check that one is installed, and the command that installs it."""
 
 from __future__ import annotations
 
@@ -6,15 +6,10 @@ import importlib.util
 
 
 def require(planner: str, module: str, library: str) -> None:
-    """See that a planner's library is there, without importing it.
-
-    Args:
-        planner: its name in the catalog.
-        module: what would be imported.
-        library: the name by which pip and people know it.
+    """Check that a planner's library, imported as `module`, is installed; do not import it.
 
     Raises:
-        ValueError: it is not installed.
+        ValueError: it is not; the message names the planner and the library.
     """
     if importlib.util.find_spec(module) is None:
         raise ValueError(f"planner {planner!r} needs {library}: {installing('peers')}")

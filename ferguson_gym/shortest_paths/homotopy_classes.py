@@ -174,11 +174,7 @@ def _grow(
 
 
 def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[ShortestPath]:
-    """As `best_classes`, for a field whose distance to the goal is known.
-
-    Raises:
-        ValueError: a point of another shape, NaN or infinity; k below 1.
-    """
+    """As `best_classes`, for a field whose distance to the goal is known."""
     x, y = finite("point", point, (2,))
     if k < 1:
         raise ValueError(f"at least 1 class must be asked for, got {k}")

@@ -32,7 +32,6 @@ MARGIN = 1e-9
 """Depth to which a path may cut into a disc or leave the bounds, relative to the field's size."""
 TURN = 2.0 * math.pi
 
-
 Records = NDArray[np.void]
 """An array of DISC."""
 
@@ -145,16 +144,10 @@ def view(discs: Records, x: float, y: float) -> View:
 
 @compiled
 def tangent(x: float, y: float, across: float) -> tuple[float, float, float]:
-    """Length and direction of the tangent of two discs whose centres are (x, y) apart.
+    """Length [m] and unit direction of the tangent of two discs with centres (x, y) [m] apart.
 
-    Args:
-        x: from the first centre to the second [m].
-        y: likewise [m].
-        across: sense times radius of the second less that of the first [m]; where it exceeds
-            the centres' distance the discs are taken to touch.
-
-    Returns:
-        Length [m] and unit direction; NaN if the centres coincide.
+    `across` is sense times radius of the second less that of the first [m]; where it exceeds the
+    centres' distance the discs are taken to touch. NaN if the centres coincide.
     """
     square = x * x + y * y
     length = np.sqrt(max(square - across * across, 0.0))
@@ -185,17 +178,8 @@ def is_clear(
 ) -> bool:
     """Whether a line from (x, y) in a unit direction meets no disc but `one` and `other`.
 
-    Args:
-        x: where it starts [m].
-        y: likewise [m].
-        ux: unit direction.
-        uy: likewise.
-        length: of the line [m].
-        far: greatest distance of its points from where `view` was taken [m].
-        discs: (n,).
-        view: the discs in the order to be looked at.
-        one: a disc that it touches, or -1.
-        other: likewise.
+    Those are discs that it touches, or -1. Its points lie within `far` [m] of the point from
+    which `view` was taken.
     """
     for place in range(len(discs)):
         if view.near[place] >= far:

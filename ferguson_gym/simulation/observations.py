@@ -46,12 +46,9 @@ def rays_around(number: int) -> FlatObservation:
 
 
 def entries_of(flat: FlatObservation, sizes: Mapping[str, int], *number: int) -> Observation:
-    """Views of the entries of N observations, each (N, size), which lie one after the other.
+    """Views (N, size) of the entries of N observations (N n,), by name.
 
-    Args:
-        flat: (N n,) as `write_observation` fills it.
-        sizes: number of values of each entry, in order.
-        number: N, or nothing for a single observation without the axis of N.
+    Without a number N, views (size,) of a single observation.
     """
     entries, start = {}, 0
     for key, size in sizes.items():
@@ -84,20 +81,9 @@ def write_observation(
 ) -> None:
     """Write one of N observations, as specified in the environment's docstring.
 
-    Args:
-        observations: (N n,) for each entry the values of all N, then the next entry.
-        i: index of the one to write.
-        number: N.
-        layout: of every observation.
-        position: (2,) [m].
-        derivative: (2,) [m per unit t].
-        remaining: segments left, as a fraction of all.
-        goal: (2,) [m].
-        bounds: (2, 2) [m].
-        columns: (2, M) centres of the discs.
-        radii: (M,); rows of padding have a radius of minus infinity.
-        work: scratch (2, M).
-        found: scratch (M,).
+    `observations` (N n,) hold for each entry the values of all N, then the next entry; `i` is the
+    index of the one to write. `remaining` is the fraction of segments left. Discs have centres
+    `columns` (2, M) and `radii` (M,), minus infinity for padding. Scratch: work (2, M), found (M,).
     """
     turn = heading(derivative[0], derivative[1])
     cos, sin = turn.real, turn.imag

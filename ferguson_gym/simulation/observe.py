@@ -25,12 +25,7 @@ def observe_one(field: Field, vehicle: State, settings: Settings) -> Observation
 
 
 def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Observation:
-    """Observations (n, size) by entry, as an environment with these settings gives them.
-
-    Args:
-        field: in which all vehicles fly.
-        vehicles: n states.
-        settings: of the environment.
+    """Observations (n, size) by entry, of n vehicles, as an environment gives them.
 
     Raises:
         TypeError: obstacles other than discs.

@@ -25,13 +25,7 @@ def segment_reward(
     `(progress - detour (length - progress)) / distance`. The rewards of a flight
     of L metres that reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance.
     Progress telescopes and no segment is shorter than its progress, so circling never pays.
-
-    Args:
-        before: straight distance to the goal before the segment [m].
-        after: straight distance to the goal after the segment [m].
-        length: arc length of the segment [m].
-        distance: straight distance from start to goal [m].
-        penalties: weights.
+    `before` and `after` are straight distances to the goal [m], `distance` is that of the start.
     """
     progress = before - after
     return (progress - penalties.detour * (length - progress)) / distance

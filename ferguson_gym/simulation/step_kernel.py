@@ -191,13 +191,9 @@ def _claimed(counter: int) -> int:
 
 @compiled_without_lock
 def help_out(given: PlainTuple, counters: Counters, claim: int, patience: int) -> None:
-    """Step vehicles as long as any are left; return when the counter was polled idly for a while.
+    """Step vehicles as long as any are left, claiming chunks FROM_FRONT or FROM_BACK.
 
-    Args:
-        given: buffers of all vehicles.
-        counters: of chunks claimed and done.
-        claim: FROM_FRONT or FROM_BACK.
-        patience: how often the counter may be polled in a row without a chunk to claim.
+    Return when the counter was polled `patience` times in a row without a chunk to claim.
     """
     buffers = unowned(as_buffers(given))  # the caller holds them
     owned = make_scratch((0, 1), buffers.fields.discs.shape[2])

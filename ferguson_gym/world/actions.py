@@ -45,7 +45,6 @@ OFFSET = float(np.arcsinh(AHEAD / SPREAD) / FINENESS)
 """Parameter p of the translation of the end derivative's first coordinate."""
 _TINY = 1e-140
 """Length [m per unit t] below which a derivative is scaled before it is squared."""
-
 BEND = 2.0 * REACH / AHEAD
 """Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
 

@@ -92,13 +92,7 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
 def advance_all(
     field: Field, states: Sequence[State], actions: ArrayLike, limits: Limits = PAPER_LIMITS
 ) -> list[Step]:
-    """As `advance`, from n states in one field at once, which is faster.
-
-    Args:
-        field: in which all of them fly.
-        states: n states.
-        actions: (n, 4) in [-1, 1].
-        limits: of segments and flights.
+    """As `advance`, from n states by actions (n, 4) in one field at once, which is faster.
 
     Raises:
         ValueError: actions of another shape, not finite or outside [-1, 1].

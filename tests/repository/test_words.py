@@ -22,17 +22,14 @@ PHRASES = {
     r"(?<!there )\bis none\b": "is not one, or is missing",
 }
 """Phrases to avoid, and what to write instead."""
-PENDING = ("ferguson_gym/",)
-"""Folders with phrases that are still to be mended."""
 ENDINGS = (".py", ".md", ".yml", ".html")
 _SPACE = re.compile(r"[ \t]*\n[ \t#>-]*")
 
 
 def written() -> list[Path]:
-    """Tracked files of prose and code, without this one and those that are not mended yet."""
+    """Tracked files of prose and code, without this one."""
     command = ["git", "-C", str(ROOT), "ls-files", "-z"]
     names = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split("\0")
-    names = [name for name in names if not name.startswith(PENDING)]
     return [ROOT / name for name in names if name.endswith(ENDINGS) and name != _THIS]
 
 

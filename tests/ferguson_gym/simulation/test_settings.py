@@ -269,5 +269,5 @@ def test_settings_on_the_edge_are_taken() -> None:
 def test_every_field_of_a_suite_has_room(suite: str) -> None:
     settings = Settings(suite=suite)
     most = max(len(settings.discs(seed)) for seed in range(200))
-    assert most <= settings.most
-    assert suite == "traps" or most == settings.most
+    assert most <= settings.max_obstacles
+    assert suite == "traps" or most == settings.max_obstacles

@@ -53,7 +53,7 @@ def test_a_step_reports_the_inspection_of_its_segment():
     field = Field(name="disc", obstacles=Discs([[50.0, 30.0]], [4.0]))
     step = advance(field, initial_state(field), [0.1, -0.3, 0.2, 0.4])
     expected = inspect(step.control, field)
-    for name in ("length", "clearance", "room", "speed"):
+    for name in ("length", "clearance", "bounds_margin", "speed"):
         assert getattr(step.inspection, name) == getattr(expected, name)
 
 
@@ -264,7 +264,7 @@ def test_advance_all_agrees_with_single_steps() -> None:
             np.testing.assert_array_equal(step.control, alone.control)
             np.testing.assert_array_equal(step.state.position, alone.state.position)
             assert step.state.segments == alone.state.segments
-            for name in ("length", "clearance", "room", "speed"):
+            for name in ("length", "clearance", "bounds_margin", "speed"):
                 assert getattr(step.inspection, name) == getattr(alone.inspection, name)
         states = [step.state for step in together]
         outcomes |= {step.outcome for step in together}
