@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.demonstrations.reading import Demonstrations
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field_names import get_fields
@@ -50,6 +51,8 @@ def command_in(directory: Path) -> Command:
 
 class Flights:
     """Demonstrations in memory, flown by pursuit."""
+
+    flight = Demonstrations.flight
 
     def __init__(self, number: int) -> None:
         self.fields = tuple(f"sparse/train:{k}" for k in range(number))

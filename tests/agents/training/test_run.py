@@ -17,6 +17,7 @@ import yaml
 
 from agents.cli.main import main
 from agents.demonstrations import reading
+from agents.demonstrations.reading import Demonstrations
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
 from agents.models import loading
@@ -296,6 +297,7 @@ def straight_flights(tmp_path: Path) -> Any:
     (tmp_path / "near.json").write_text(json.dumps(goal))
 
     class Flights:
+        flight = Demonstrations.flight
         fields = (str(tmp_path / "near.json"),) * 6
         actions = np.zeros((12, 4), np.float32)
         offsets = np.arange(0, 14, 2)

@@ -126,7 +126,9 @@ class Refusing:
         assert isinstance(self.field.obstacles, Discs)
         self.asked.append(float((field.obstacles.radii - self.field.obstacles.radii).max()))
         decision = Guided().decide(field, state, seed)
-        return decision if self.asked[-1] <= self.most else replace(decision, chain=None)
+        if self.asked[-1] <= self.most:
+            return decision
+        return replace(decision, chain=None, first_step=None)
 
 
 @pytest.mark.parametrize(("most", "asked"), [(1.1, [1.0]), (0.5, [1.0, 0.4]), (0.0, [1.0, 0.4, 0])])
