@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from ferguson_gym.curves.arc_length import length as certified_length
+from ferguson_gym.curves.clearance import least_speed
 from ferguson_gym.curves.splines import derivative, evaluate
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
@@ -35,8 +36,9 @@ def test_lengths_bending_and_points_are_those_of_the_chain(
     here = expanded(window, x, bending_weight=0.01)
     np.testing.assert_array_equal(here.out.control, control)
     assert here.length == pytest.approx(here.out.length.sum(), rel=1e-14)
-    # sixteen nodes are exact but for near-cusps, where certification corrects them
-    np.testing.assert_allclose(here.out.length, certified_length(control), rtol=2e-3)
+    # sixteen nodes err by centimetres at a near-cusp, where certification corrects them
+    exact, near_cusp = certified_length(control), least_speed(control)[0] < 1.0
+    assert (abs(here.out.length - exact) <= 2e-3 * exact + 0.05 * near_cusp).all()
     t = np.linspace(0.0, 1.0, 1001)
     square = np.sum(derivative(control, t, 2) ** 2, axis=-1)
     assert here.bent == pytest.approx(0.01 * np.trapezoid(square, t).sum(), rel=1e-5)
