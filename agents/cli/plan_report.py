@@ -104,7 +104,7 @@ class Report:
 def _clearance(plan: Plan, field: Field) -> float:
     """Least clearance along a plan [m], as the planner certified it; infinite without segments."""
     certificates = plan.certificates
-    if certificates is None:  # a planner that keeps none
+    if certificates is None:  # the planner keeps no certificates
         certificates = [inspect(segment, field) for segment in plan.control]
     return min((float(found.clearance) for found in certificates), default=math.inf)
 
