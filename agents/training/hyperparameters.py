@@ -24,6 +24,8 @@ _LARGEST = 100_000
 """Limit on the size of a file [bytes]."""
 _MOST_ALIASES = 10
 """Limit on the aliases (`*name`) in a file: nested ones expand to exponentially many values."""
+_DEEPEST = 50
+"""Limit on nesting: the time to read a bracket grows with the number of those open."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,9 +69,15 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
     try:
         if len(text) > _LARGEST:
             raise ValueError(f"more than {_LARGEST:,} bytes")
-        events = yaml.parse(text, Loader=yaml.SafeLoader)
-        if sum(isinstance(event, yaml.AliasEvent) for event in events) > _MOST_ALIASES:
-            raise ValueError(f"more than {_MOST_ALIASES} aliases")
+        aliases = depth = 0
+        for event in yaml.parse(text, Loader=yaml.SafeLoader):
+            aliases += isinstance(event, yaml.AliasEvent)
+            depth += isinstance(event, yaml.CollectionStartEvent)
+            depth -= isinstance(event, yaml.CollectionEndEvent)
+            if aliases > _MOST_ALIASES:
+                raise ValueError(f"more than {_MOST_ALIASES} aliases")
+            if depth > _DEEPEST:
+                raise ValueError(f"nested more than {_DEEPEST} deep")
         content = yaml.safe_load(text)
     except Exception as error:  # the library raises errors of many types on a damaged file
         raise ValueError(f"{given}: not YAML ({reason(error)})") from None

@@ -25,7 +25,7 @@ from ferguson_gym import ENVIRONMENT_ID
             "maximum recursion depth",
         ),
         ("a: 1\n" * 30_000, r"not YAML \(more than 100,000 bytes\)"),
-        ("[" * 100_000, "not YAML"),
+        ("[" * 100_000, r"not YAML \(nested more than 50 deep\)"),
         ("!!python/object/apply:os.system ['true']", "not YAML"),
         ("CartPole-v1: {}", f"need one key at the top, {ENVIRONMENT_ID}"),
         (f"{ENVIRONMENT_ID}: 3", "need keys and values below"),

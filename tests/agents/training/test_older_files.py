@@ -65,7 +65,13 @@ def test_an_old_unfinished_training_resumes(tmp_path: Path) -> None:
     shutil.copytree(SAVED / "unfinished", out)
     line = ["train", "bc", "--config", str(SAVED / "bc.yml"), "--demos", DATASET, *FIELDS]
     assert main([*line, "--out", str(out)]) == 0
-    assert [row["steps"] for row in loading.load(out).card.curve] == [12_800, 25_600, 38_400]
-    # the weights are those of the training that was not interrupted
-    for one, other in zip(weights_of(out), weights_of(SAVED / "model"), strict=True):
-        torch.testing.assert_close(one, other, atol=1e-4, rtol=1e-3)
+    first, *later = loading.load(out).card.curve
+    assert (first["steps"], first["minutes"]) == (12_800, 0.115)  # as it was written then
+    assert [row["steps"] for row in later] == [25_600, 38_400]
+    # Trainings that were not interrupted end 3.7 apart on two machines, since rounding grows with
+    # every update; the two thirds that are left part by 0.07.
+    ended, then, now = (
+        torch.cat([weights.flatten() for weights in weights_of(place)])
+        for place in (SAVED / "model", SAVED / "unfinished/best", out)
+    )
+    assert torch.dist(now, ended) < 0.1 * torch.dist(now, then)
