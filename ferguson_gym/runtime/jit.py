@@ -2,16 +2,15 @@
 
 Numba caches machine code beside the module and invalidates it only when that module's file
 changes, although kernels call kernels and take constants of other files. Each kernel is therefore
-cached under a name with a digest of all files that some kernel can reach, so that no change leaves
-stale machine code in use.
+cached under a name with a digest of its file and of all that this file imports, directly or not, so
+that no change leaves stale machine code in use and a change recompiles only what depends on it.
 """
 
 from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Callable, Collection
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -31,56 +30,59 @@ _IMPORT = re.compile(r"^[ \t]*(?:from ([\w.]+) )?import (\([^)]*\)|.*)", re.MULT
 _ALIAS = re.compile(r"[\w.]+(?: +as +\w+)?")
 
 
-def digest(root: Path) -> str:
-    """Short digest of the source files below a directory that kernels can reach."""
-    state = hashlib.sha256()
-    for path in reachable(root):
-        state.update(path.relative_to(root).as_posix().encode())
-        state.update(path.read_bytes())
-    return state.hexdigest()[:12]
+class Sources:
+    """Source files below a directory, each read once, and which of them import which."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._read: dict[str, tuple[bytes, set[str]]] = {}
+
+    def digest(self, module: str) -> str:
+        """Short digest of a module, given by its dotted name, and of all that it reaches."""
+        state = hashlib.sha256()
+        for name in sorted(self.reachable(module)):
+            state.update(name.encode() + self._content(name)[0])
+        return state.hexdigest()[:12]
+
+    def reachable(self, module: str) -> set[str]:
+        """A module and those of `PACKAGES` that it imports, directly or not, by dotted names.
+
+        A package's `__init__` counts where a name is imported from it.
+        """
+        wanted: set[str] = set()
+        more = {module}
+        while more:
+            wanted |= more
+            more = {name for one in more for name in self._content(one)[1]} - wanted
+        return wanted
+
+    def file(self, module: str) -> Path | None:
+        """The file of a module or package; None for one that is not of `PACKAGES`."""
+        path = self._root.joinpath(*module.split("."))
+        candidates = (path.with_suffix(".py"), path / "__init__.py")
+        if module.partition(".")[0] not in PACKAGES:
+            return None
+        return next((file for file in candidates if file.is_file()), None)
+
+    def _content(self, module: str) -> tuple[bytes, set[str]]:
+        if module not in self._read:
+            file = self.file(module)
+            assert file is not None
+            source = file.read_bytes()
+            self._read[module] = source, self._imported(source.decode())
+        return self._read[module]
+
+    def _imported(self, source: str) -> set[str]:
+        found: set[str] = set()
+        for module, names in _IMPORT.findall(source):
+            for alias in _ALIAS.findall(re.sub("#.*", "", names)):
+                name = alias.partition(" ")[0]
+                full = f"{module}.{name}" if module else name
+                found.add(full if self.file(full) else module)
+        return {name for name in found if self.file(name)}
 
 
-def reachable(root: Path) -> list[Path]:
-    """Files with kernels, and all modules that they import, directly or not.
-
-    Modules are identified by their dotted names, since folders may hold files of the same name. A
-    package's `__init__` counts where a name is imported from it.
-    """
-    files = {
-        _dotted(path.relative_to(root)): path
-        for package in PACKAGES
-        for path in sorted((root / package).rglob("*.py"))
-    }
-    imports = {
-        name: _imported(path.read_text(encoding="utf-8"), files.keys())
-        for name, path in files.items()
-    }
-    wanted: set[str] = set()
-    more = {name for name in files if __name__ in imports[name]}
-    while more - wanted:
-        wanted |= more
-        more = {imported for name in wanted for imported in imports[name]}
-    return [path for name, path in files.items() if name in wanted]
-
-
-def _dotted(path: Path) -> str:
-    return ".".join(path.with_suffix("").parts).removesuffix(".__init__")
-
-
-def _imported(source: str, modules: Collection[str]) -> set[str]:
-    """Those of some modules that a source imports, or imports a name from."""
-    found: set[str] = set()
-    for module, names in _IMPORT.findall(source):
-        for alias in _ALIAS.findall(re.sub("#.*", "", names)):
-            name = alias.partition(" ")[0]
-            full = f"{module}.{name}" if module else name
-            found.add(full if full in modules else module)
-    return found.intersection(modules)
-
-
-@cache
-def _digest() -> str:
-    return digest(Path(__file__).parents[__name__.count(".")])
+_SOURCES = Sources(Path(__file__).parents[__name__.count(".")])
 
 
 def compiled(function: F) -> F:
@@ -103,7 +105,7 @@ def compiled_in_place(function: F) -> F:
 
 
 def _jit(function: F, **options: Any) -> F:
-    function.__qualname__ = f"{function.__qualname__}-{_digest()}"
+    function.__qualname__ = f"{function.__qualname__}-{_SOURCES.digest(function.__module__)}"
     return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
 
 

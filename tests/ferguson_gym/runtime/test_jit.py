@@ -9,21 +9,23 @@ from pathlib import Path
 import pytest
 
 from ferguson_gym.curves import certified_kernels
-from ferguson_gym.runtime.jit import PACKAGES, digest, reachable
+from ferguson_gym.runtime import jit
+from ferguson_gym.runtime.jit import PACKAGES, Sources
 from tests.support.places import ROOT
 
-COMPILED = reachable.__module__
-COMPILER = f"{COMPILED.replace('.', '/')}.py"
 
-
-def sources(root: Path) -> list[Path]:
-    """Of the packages, without the files that make folders packages."""
-    return [
-        path
+def sources(root: Path) -> dict[str, Path]:
+    """Modules of the packages by dotted names, without the files that make folders packages."""
+    return {
+        ".".join(path.relative_to(root).with_suffix("").parts): path
         for package in PACKAGES
         for path in (root / package).rglob("*.py")
         if path.name != "__init__.py"
-    ]
+    }
+
+
+def with_kernels(root: Path) -> list[str]:
+    return [name for name, path in sources(root).items() if "@compiled" in path.read_text()]
 
 
 @pytest.fixture
@@ -37,82 +39,85 @@ def copy(tmp_path: Path) -> Path:
 
 
 def test_every_file_that_kernels_reach_is_watched_since_they_take_constants(copy: Path) -> None:
-    before, watched = digest(copy), set(reachable(copy))
-    for path in sources(copy):
+    kernels = with_kernels(copy)
+    found = Sources(copy)
+    before = {name: (found.digest(name), found.reachable(name)) for name in kernels}
+    for changed, path in sources(copy).items():
         source = path.read_text()
         path.write_text(f"{source}\n# a change\n")
-        assert (digest(copy) != before) == (path in watched), path
+        now = Sources(copy)
+        for name in kernels:
+            digest, reached = before[name]
+            assert (now.digest(name) != digest) == (changed in reached), (changed, name)
         path.write_text(source)
-    assert digest(copy) == before
 
 
 def test_what_a_file_with_kernels_imports_is_reached(copy: Path) -> None:
-    """Asked of Python itself: what importing the files with kernels loads."""
-    with_kernels = [
-        ".".join(path.relative_to(copy).with_suffix("").parts)
-        for path in sources(copy)
-        if "@compiled" in path.read_text()
-    ]
+    """Asked of Python itself: what importing a file with kernels loads."""
     # a package's own file would import modules that kernels do not reach through it
     for path in copy.rglob("__init__.py"):
         path.write_text("")
-    loaded = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            f"import sys, {', '.join(with_kernels)}; print(*sys.modules)",
-        ],
+    program = (
+        "import importlib, sys\n"
+        f"for name in {with_kernels(copy)!r}:\n"
+        f"    for old in [old for old in sys.modules if old.partition('.')[0] in {PACKAGES!r}]:\n"
+        "        del sys.modules[old]\n"
+        "    importlib.import_module(name)\n"
+        "    print(name, *sys.modules)\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", program],
         cwd=copy,
         env={**os.environ, "PYTHONPATH": str(copy)},
         capture_output=True,
         text=True,
         check=True,
-    ).stdout.split()
-    modules = {copy / f"{name.replace('.', '/')}.py" for name in loaded}
-    assert len(modules & set(sources(copy))) > len(with_kernels)
-    assert modules & set(sources(copy)) <= set(reachable(copy))
+    ).stdout.splitlines()
+    found, known = Sources(copy), set(sources(copy))
+    assert len(told) == len(with_kernels(copy))
+    for name, *loaded in map(str.split, told):
+        assert {name} < known.intersection(loaded) <= found.reachable(name), name
 
 
-@pytest.fixture
-def small(tmp_path: Path) -> Path:
-    """A tree with nothing but the compiler."""
-    (tmp_path / COMPILER).parent.mkdir(parents=True)
-    (tmp_path / COMPILER).touch()
-    return tmp_path
+def write(root: Path, **files: str) -> None:
+    """Write modules of package planners, given by names with __ for dots."""
+    for name, source in files.items():
+        path = (root / "planners" / name.replace("__", "/")).with_suffix(".py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(source)
 
 
-def reached(root: Path) -> set[str]:
-    return {path.relative_to(root).as_posix() for path in reachable(root)} - {COMPILER}
-
-
-def test_a_name_that_a_package_exports_leads_to_the_module_that_defines_it(small: Path) -> None:
-    room = small / "planners" / "room"
-    room.mkdir(parents=True)
-    (room / "__init__.py").write_text("from planners.room.inner import (\n    thing as thing,\n)\n")
-    (room / "inner.py").write_text("thing = 1\n")
-    (room / "apart.py").write_text("other = 1\n")
-    (small / "planners" / "kernels.py").write_text(
-        f"from {COMPILED} import compiled\nfrom planners.room import thing  # one\n"
+def test_a_name_that_a_package_exports_leads_to_the_module_that_defines_it(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        kernels="from planners.room import thing  # one\n",
+        room__inner="thing = 1\n",
+        room__apart="other = 1\n",
     )
-    names = {"planners/kernels.py", "planners/room/__init__.py", "planners/room/inner.py"}
-    assert reached(small) == names
+    exports = "from planners.room.inner import (\n    thing as thing,\n)\n"
+    (tmp_path / "planners/room/__init__.py").write_text(exports)
+    names = {"planners.kernels", "planners.room", "planners.room.inner"}
+    assert Sources(tmp_path).reachable("planners.kernels") == names
 
 
-def test_modules_of_one_name_in_two_folders_are_told_apart(small: Path) -> None:
-    for folder in ("planners/near", "planners/far"):
-        (small / folder).mkdir(parents=True)
-        (small / folder / "same.py").write_text("value = 1\n")
-    (small / "planners" / "kernels.py").write_text(
-        f"from {COMPILED} import compiled\nfrom planners.near import same\n"
+def test_modules_of_one_name_in_two_folders_are_told_apart(tmp_path: Path) -> None:
+    write(
+        tmp_path,
+        kernels="import numpy\nfrom planners.near import same\n",
+        near__same="value = 1\n",
+        far__same="value = 1\n",
     )
-    assert reached(small) == {"planners/kernels.py", "planners/near/same.py"}
+    assert Sources(tmp_path).reachable("planners.kernels") == {
+        "planners.kernels",
+        "planners.near.same",
+    }
 
 
-def test_what_no_kernel_reaches_costs_no_compilation(copy: Path) -> None:
-    before = digest(copy)
-    source = "from ferguson_gym.shortest_paths import exact\n"
-    (copy / "planners" / "new_peer.py").write_text(source)
-    assert digest(copy) == before
+def test_modules_that_import_each_other_are_both_reached(tmp_path: Path) -> None:
+    write(tmp_path, one="from planners import other\n", other="import planners.one\n")
+    found = Sources(tmp_path)
+    assert found.reachable("planners.one") == found.reachable("planners.other")
+    assert found.digest("planners.one") == found.digest("planners.other")
 
 
 def test_packages_are_those_with_kernels() -> None:
@@ -126,7 +131,9 @@ def test_packages_are_those_with_kernels() -> None:
 
 
 def test_machine_code_is_cached_under_the_digest() -> None:
-    assert digest(ROOT) in certified_kernels.clearance.__qualname__
+    digest = Sources(ROOT).digest(certified_kernels.__name__)
+    assert digest in certified_kernels.clearance.__qualname__
+    assert jit.__name__ in Sources(ROOT).reachable(certified_kernels.__name__)
 
 
 FLIGHTS = """
