@@ -6,6 +6,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array, truncate_repr
@@ -13,7 +14,14 @@ from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.simulation.step_buffers import DISABLED, INFOS
-from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
+from ferguson_gym.spaces import (
+    action_space,
+    as_actions,
+    as_seed,
+    known_options,
+    observation_space,
+    with_steps,
+)
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import as_field
@@ -98,7 +106,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     leaves the bounds (-10, 110). A refused segment is not flown: the state stays.
 
     ## Truncation
-    After `segments` segments.
+    After `segments` segments, which `env.spec.max_episode_steps` repeats.
 
     ## Info
     | key | type | holds |
@@ -153,7 +161,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     }
 
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        self.settings = settings_of(arguments)
+        self.settings = settings_of(arguments, type(self).__name__, "render_mode")
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(
                 f"unknown render mode {truncate_repr(render_mode)}; "
@@ -165,7 +173,17 @@ class ObstacleField(gym.Env[Observation, Action]):
         self._simulator = BatchSimulator(self.settings, 1, DISABLED)
         self._sizes = self.settings.layout.entries()
         self._field: Field | None = None
+        self._spec: EnvSpec | None = None
         self._viewer: Any = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make this environment again; `max_episode_steps` is its number of segments."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = with_steps(spec, self.settings)
 
     @property
     def field(self) -> Field:

@@ -1,12 +1,14 @@
-"""Spaces of both environments, and checks of actions, seeds and reset options."""
+"""Spaces and specs of both environments, and checks of actions, seeds and reset options."""
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
 from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import real, truncate_repr
@@ -29,6 +31,17 @@ def observation_space(settings: Settings) -> spaces.Space[Observation]:
         for key, size in settings.layout.entries().items()
     }
     return cast("spaces.Space[Observation]", spaces.Dict(boxes))
+
+
+def with_steps(spec: EnvSpec | None, settings: Settings) -> EnvSpec | None:
+    """A spec that says after how many steps flights are truncated; None stays None.
+
+    The registered spec leaves it open, since `gym.make` would add a second limit, which knows
+    nothing of the argument `segments`.
+    """
+    if spec is None:
+        return None
+    return dataclasses.replace(spec, max_episode_steps=int(settings.segments))
 
 
 def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import FlatObservation, Observation, entries_of
-from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation.settings import Settings, settings_of
 from ferguson_gym.simulation.step_buffers import (
     DISABLED,
     INFOS,
@@ -24,7 +26,14 @@ from ferguson_gym.simulation.step_buffers import (
     Flags,
     Records,
 )
-from ferguson_gym.spaces import action_space, as_actions, as_seed, known_options, observation_space
+from ferguson_gym.spaces import (
+    action_space,
+    as_actions,
+    as_seed,
+    known_options,
+    observation_space,
+    with_steps,
+)
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import as_field
@@ -36,6 +45,8 @@ _MODES = {
     AutoresetMode.NEXT_STEP: NEXT_STEP,
     AutoresetMode.SAME_STEP: SAME_STEP,
 }
+_NO_LIMIT = -1
+"""What Gymnasium, beside None, takes for no limit of steps."""
 
 MOST = 10_000_000
 """Environments made at once; these would take some 50 GB."""
@@ -66,7 +77,12 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     or a list of N of them, None where one is to be drawn.
 
     ## Info
-    The scalar environment's keys as arrays (N,), each with a mask `_key` of what it holds.
+    The scalar environment's keys as arrays (N,), each with a mask `_key` of what it holds, and
+    zeros elsewhere.
+
+    ## Spec
+    `envs.spec.max_episode_steps` is the number of segments. The argument `max_episode_steps`, which
+    `gym.make_vec` passes on from a spec, lowers `segments` to this number if that is larger.
 
     Raises:
         ValueError: as the scalar environment; no environments; an unknown autoreset mode.
@@ -83,9 +99,12 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         num_envs: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        max_episode_steps: int | None = None,
         **arguments: Any,
     ) -> None:
-        self.settings = settings_of(arguments)
+        own = ("num_envs", "autoreset_mode", "render_mode", "max_episode_steps")
+        self.settings = settings_of(arguments, type(self).__name__, *own)
+        self.settings = _limited(self.settings, max_episode_steps)
         if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
             raise ValueError(f"num_envs must be a whole number >= 1, got {truncate_repr(num_envs)}")
         if num_envs > MOST:
@@ -115,17 +134,34 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []
         self._seeds: list[int] = []
+        self._spec: EnvSpec | None = None
         self._viewer: Any = None
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make these environments again; `max_episode_steps` is the number of segments."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = with_steps(spec, self.settings)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """The random stream of each environment."""
+        """The random stream of each environment, seeded at random before the first reset."""
+        self._seed_streams()
         return tuple(self._streams)
 
     @property
     def np_random_seed(self) -> tuple[int, ...]:  # type: ignore[override]
-        """The seed of each environment's random stream."""
+        """The seed of each environment's random stream, drawn before the first reset."""
+        self._seed_streams()
         return tuple(self._seeds)
+
+    def _seed_streams(self) -> None:
+        if not self._streams:
+            drawn = [seeding.np_random() for _ in range(self.num_envs)]
+            self._streams, self._seeds = [one for one, _ in drawn], [seed for _, seed in drawn]
 
     def field(self, index: int) -> Field:
         """The field that an environment flies.
@@ -146,7 +182,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return self._simulator.state(index)
 
     def _started(self) -> None:
-        if not self._streams:
+        if self._simulator.outcome[0] == NOT_STARTED:
             raise RuntimeError("no fields yet: call reset() first")
 
     def control(self, index: int) -> Array:
@@ -264,9 +300,13 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return entries_of(self._simulator.observations.copy(), self._sizes, self.num_envs)
 
     def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
+        """Infos of the known environments, and zeros for the others, as Gymnasium has it."""
         infos: dict[str, Any] = {}
         for key in INFOS:
-            infos[key], infos[f"_{key}"] = reports[key].copy(), known.copy()
+            values = reports[key].copy()
+            if known is not self._all:
+                values[~known] = 0
+            infos[key], infos[f"_{key}"] = values, known.copy()
         return infos
 
     def _final(self, flat: FlatObservation, reports: Records, ended: Flags) -> dict[str, Any]:
@@ -307,3 +347,18 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         if self._viewer is not None:
             self._viewer.close()
             self._viewer = None
+
+
+def _limited(settings: Settings, steps: int | None) -> Settings:
+    """Settings with no more segments than steps.
+
+    Raises:
+        ValueError: a limit that is not a whole number of at least 1.
+    """
+    if steps is None or steps == _NO_LIMIT:
+        return settings
+    if type(steps) is bool or not isinstance(steps, (int, np.integer)) or steps < 1:
+        raise ValueError(
+            f"max_episode_steps must be a whole number >= 1, got {truncate_repr(steps)}"
+        )
+    return replace(settings, segments=min(settings.segments, int(steps)))

@@ -11,6 +11,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from ferguson_gym.simulation.settings import check_arguments
 from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.spaces import as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
@@ -41,6 +42,7 @@ class ObstacleFieldVecEnv(VecEnv):
 
     def __init__(self, num_envs: int, *, flat: bool = False, **arguments: Any) -> None:
         mode = AutoresetMode.SAME_STEP
+        check_arguments(arguments, type(self).__name__, "num_envs", "flat", "render_mode")
         self.envs = VectorObstacleField(num_envs, autoreset_mode=mode, **arguments)
         self._flat = flat
         self.render_mode = self.envs.render_mode

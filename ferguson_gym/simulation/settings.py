@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
 from ferguson_gym.runtime.arrays import finite, truncate_repr
+from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
 from ferguson_gym.simulation.reward import Penalties
 from ferguson_gym.world.field import Field
@@ -152,14 +153,39 @@ class Settings:
         return Field(name=name, obstacles=self.discs(seed))
 
 
-def settings_of(arguments: dict[str, Any]) -> Settings:
+def check_arguments(arguments: Iterable[str], of: str, *others: str) -> None:
+    """Refuse names that are no arguments of an environment, in the words of Python itself.
+
+    Clients that probe an environment for an argument recognise the refusal by these words.
+
+    Args:
+        arguments: names that were given.
+        of: the class whose arguments they are.
+        *others: names that the class knows beside those of `Settings`.
+
+    Raises:
+        TypeError: an unknown argument.
+    """
+    known = [*(field.name for field in dataclasses.fields(Settings)), *others]
+    for name in arguments:
+        if name not in known:
+            raise TypeError(
+                f"{of}.__init__() got an unexpected keyword argument {name!r}"
+                f"{did_you_mean(name, known)}; known are {', '.join(known)}"
+            )
+
+
+def settings_of(arguments: dict[str, Any], of: str = "ObstacleField", *others: str) -> Settings:
     """Settings from an environment's arguments.
+
+    Args:
+        arguments: values by name.
+        of: the class whose arguments they are, for the refusal of an unknown name.
+        *others: names that the class knows beside those of `Settings`.
 
     Raises:
         TypeError: an unknown argument.
         ValueError: as `Settings`.
     """
-    known = [field.name for field in dataclasses.fields(Settings)]
-    if unknown := sorted(set(arguments) - set(known)):
-        raise TypeError(f"unknown arguments {', '.join(unknown)}; known are {', '.join(known)}")
+    check_arguments(arguments, of, *others)
     return Settings(**arguments)

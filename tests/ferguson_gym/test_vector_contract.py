@@ -9,15 +9,21 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import batch_space
-from gymnasium.wrappers import FlattenObservation
+from gymnasium.wrappers import FlattenObservation, TimeAwareObservation
 from gymnasium.wrappers import vector as wrappers
 
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.vector_environment import VectorObstacleField
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.outcome import Outcome
 
 BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
 """A segment that is refused."""
+OPEN = Field(name="open", obstacles=Discs([], []), start=[50.0, 50.0])
+LEFT = np.array([-0.3, 0.3, 0.0, 0.0], np.float32)
+"""A segment of a circle that stays inside the bounds."""
 NEXT_STEP, SAME_STEP, DISABLED = (
     AutoresetMode.NEXT_STEP,
     AutoresetMode.SAME_STEP,
@@ -85,6 +91,72 @@ def test_a_spec_makes_the_scalar_environment_again_with_every_argument() -> None
     assert env.unwrapped.field.name == again.unwrapped.field.name
     for key, value in first.items():
         np.testing.assert_array_equal(value, second[key])
+
+
+@pytest.mark.parametrize("arguments", [{}, {"segments": 7}, {"segments": 60}])
+def test_the_spec_says_after_how_many_steps_flights_are_truncated(arguments: dict) -> None:
+    steps = arguments.get("segments", 40)
+    env = gym.make(ENVIRONMENT_ID, **arguments)
+    envs = gym.make_vec(ENVIRONMENT_ID, num_envs=2, **arguments)
+    assert env.spec.max_episode_steps == envs.spec.max_episode_steps == steps
+    assert gym.spec(ENVIRONMENT_ID).max_episode_steps is None  # no second limit around the first
+    for again in (gym.make_vec(envs.spec), gym.make_vec(env.spec, num_envs=2)):
+        assert again.unwrapped.settings == envs.unwrapped.settings
+        assert again.spec.max_episode_steps == steps
+    again = gym.make(env.spec)
+    assert again.spec.max_episode_steps == steps
+    timed = TimeAwareObservation(env, flatten=False)
+    assert timed.observation_space["time"].high == steps
+    for one in (timed, again):
+        one.reset(seed=0, options={"field": OPEN})
+        ends = [one.step(LEFT)[2:4] for _ in range(steps)]
+        assert ends == [(False, False)] * (steps - 1) + [(False, True)]
+        assert one.unwrapped.state.segments == steps
+
+
+@pytest.mark.parametrize(
+    ("arguments", "steps"),
+    [
+        ({"max_episode_steps": 6}, 6),
+        ({"max_episode_steps": 50}, 40),
+        ({"max_episode_steps": -1}, 40),
+        ({"max_episode_steps": 6, "segments": 5}, 5),
+        ({"max_episode_steps": 5, "segments": 6}, 5),
+    ],
+)
+def test_a_limit_of_steps_lowers_the_number_of_segments(arguments: dict, steps: int) -> None:
+    envs = gym.make_vec(ENVIRONMENT_ID, num_envs=2, **arguments)
+    assert envs.unwrapped.settings.segments == envs.spec.max_episode_steps == steps
+    again = gym.make_vec(envs.spec)
+    assert again.unwrapped.settings.segments == steps
+    for wrong in (0, 2.5, True, "9"):
+        with pytest.raises(ValueError, match="max_episode_steps must be a whole number >= 1"):
+            gym.make_vec(ENVIRONMENT_ID, num_envs=2, max_episode_steps=wrong)
+
+
+def test_truncation_is_counted_once() -> None:
+    envs = gym.make_vec(ENVIRONMENT_ID, num_envs=4, autoreset_mode="SameStep", segments=3)
+    sync = gym.make_vec(
+        ENVIRONMENT_ID,
+        num_envs=4,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": SAME_STEP},
+        segments=3,
+    )
+    counts = []
+    for one in (envs, sync):
+        stream, cut, out = np.random.default_rng(0), 0, 0
+        one.reset(seed=1)
+        for _ in range(80):
+            actions = stream.uniform(-0.1, 0.1, (4, 4)).astype(np.float32)
+            *_, terminated, truncated, infos = one.step(actions)
+            assert not (terminated & truncated).any()
+            cut += truncated.sum()
+            if (terminated | truncated).any():
+                out += (infos["final_info"]["outcome"] == Outcome.OUT_OF_SEGMENTS.code).sum()
+        assert cut == out > 20
+        counts.append(cut)
+    assert counts[0] == counts[1]
 
 
 def test_autoreset_is_by_the_next_step_unless_said_otherwise() -> None:

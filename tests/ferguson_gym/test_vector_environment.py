@@ -62,21 +62,18 @@ def assert_same_seen(mine: dict, theirs: dict) -> None:
 
 
 def assert_same_infos(mine: dict, theirs: dict) -> None:
-    """Equal where they hold something; environments that they say nothing of do not count."""
+    """Equal in every key, entry and mask, also where a mask says that nothing is known."""
     assert set(mine) == set(theirs)
-    for key in INFOS:
-        known = mine[f"_{key}"]
-        assert_same(known, theirs[f"_{key}"], key)
-        assert_same(mine[key][known], theirs[key][known], key)
-    if "final_obs" in mine:
-        assert_same(mine["_final_obs"], theirs["_final_obs"], "_final_obs")
-        assert_same(mine["_final_info"], theirs["_final_info"], "_final_info")
-        for i, ended in enumerate(mine["_final_obs"]):
-            if ended:
-                assert_same_seen(mine["final_obs"][i], theirs["final_obs"][i])
-            else:
-                assert mine["final_obs"][i] is theirs["final_obs"][i] is None
-        assert_same_infos(mine["final_info"], theirs["final_info"])
+    for key, value in theirs.items():
+        if key == "final_info":
+            assert_same_infos(mine[key], value)
+        elif key == "final_obs":
+            for one, other in zip(mine[key], value, strict=True):
+                assert (one is None) == (other is None)
+                if other is not None:
+                    assert_same_seen(one, other)
+        else:
+            assert_same(mine[key], value, key)
 
 
 def assert_same_results(mine: tuple, theirs: tuple) -> None:
@@ -172,6 +169,53 @@ def test_later_resets_draw_the_fields_that_scalar_environments_draw(mode: Autore
         mine.reset()
         theirs.reset()
     assert_same_flights(mine, theirs)
+
+
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_successes_of_ended_flights_are_counted_once(mode: AutoresetMode) -> None:
+    envs = VectorObstacleField(3, mode, segments=4)
+    near = [NEAR, None, None]
+    envs.reset(seed=0, options={"field": near})
+    ahead = np.array([[0.0, 0.0, 0.0, 0.0], [-1.0, 0.0, 0.0, 0.0], [0.0] * 4], np.float32)
+    successes, ended = 0, 0
+    for _ in range(12):
+        *_, terminated, truncated, infos = envs.step(ahead)
+        over = terminated | truncated
+        ended += over.sum()
+        if mode is AutoresetMode.SAME_STEP:
+            successes += infos["final_info"]["is_success"].sum() if over.any() else 0
+        else:
+            successes += infos["is_success"].sum()
+        if mode is AutoresetMode.DISABLED and over.any():
+            *_, infos = envs.reset(options={"reset_mask": over})
+            for key in INFOS:  # nothing of those that were not reset
+                assert not infos[key][~over].any()
+                np.testing.assert_array_equal(infos[f"_{key}"], over)
+    assert successes == 1
+    assert ended > 8
+
+
+@pytest.mark.parametrize("first", ["np_random", "np_random_seed"])
+def test_streams_are_seeded_before_a_reset_as_those_of_scalar_environments(first: str) -> None:
+    envs = VectorObstacleField(3, fields=100)
+    getattr(envs, first)
+    seeds, streams = envs.np_random_seed, envs.np_random
+    assert len(set(seeds)) == len(streams) == 3
+    assert envs.np_random_seed == seeds
+    with pytest.raises(RuntimeError, match="call reset"):
+        envs.field(0)
+    scalars = []
+    for seed in seeds:
+        scalars.append(ObstacleField(fields=100))
+        scalars[-1].np_random = np.random.default_rng(seed)
+    for _ in range(3):  # a reset without a seed goes on with these streams
+        envs.reset()
+        for i, scalar in enumerate(scalars):
+            scalar.reset()
+            assert envs.field(i).name == scalar.field.name
+    assert envs.np_random_seed == seeds
+    envs.reset(seed=5)
+    assert envs.np_random_seed == (5, 6, 7)
 
 
 def test_a_seed_repeats_the_same_draws() -> None:

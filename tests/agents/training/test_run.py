@@ -337,7 +337,7 @@ def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
         ([], {"policy": "oracle"}, "unknown policy 'oracle'; policies are mlp"),
         ([], {"policy_kwargs": {"depth": 3}}, "unexpected keyword argument 'depth'"),
         ([], {"policy_kwargs": [8]}, "policy_kwargs must have keys and values, got [8]"),
-        ([], {"env_kwargs": {"wind": 3}}, "env_kwargs: unknown arguments wind; known are suite"),
+        ([], {"env_kwargs": {"wind": 3}}, "unexpected keyword argument 'wind'; known are suite"),
         ([], {"env_kwargs": {"segments": 9}}, "leave `gate` and `segments` out"),
         ([], {"gamma": float("nan")}, "gamma must be a finite number, a word or a list, got nan"),
         (["--from", "nowhere"], {}, "--from nowhere: no such model"),
