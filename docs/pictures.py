@@ -58,7 +58,7 @@ def observation() -> Figure:
 def _draw_seen(axes: Axes, vehicle: State, seen: dict[str, np.ndarray], settings: Settings) -> None:
     """An observation, forward upwards and metres instead of parts of the view."""
     view = settings.view
-    ends = view * seen["rays"] * settings.layout.ways
+    ends = view * seen["rays"] * settings.layout.ray_directions
     for forward, aside in ends.T:
         axes.plot([0.0, -aside], [0.0, forward], color=SEEN, lw=0.6, zorder=1)
     axes.plot(-ends[1], ends[0], ".", color=OBSTACLE_EDGE, ms=3, zorder=3)

@@ -70,20 +70,20 @@ class ObstacleField(gym.Env[Observation, Action]):
     | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
 
-    Obstacles are observed as the nearest discs with `observation="discs"` (the default), as a
-    lidar would measure them with `observation="rays"`, or both with `observation="both"`:
+    Obstacles are observed as a lidar would measure them with `observation="rays"` (the default), as
+    the nearest discs with `observation="discs"`, or both with `observation="both"`:
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
+    | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
     | obstacles | 4 `nearest` | rows of four, nearest first: centre, forward and left | -1..1 |
     | | | radius | 0..1 |
     | | | distance from the surface | -1..1 |
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
-    | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
 
     The obstacles are those whose surface is within `view` of the point `focus` metres ahead of the
-    vehicle, the nearest to that point first. With a plain network rays learn faster
-    (docs/learnability.md).
+    vehicle, the nearest to that point first. From rays a plain network learns to fly; from discs it
+    learns almost nothing in the same number of steps (docs/learnability.md).
 
     ## Reward
     `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
@@ -130,7 +130,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `radii` | None | their (least, greatest) radius [m], instead of the suite's |
     | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
     | `segments` | 40 | maximum number of segments of a flight |
-    | `observation` | discs | or rays, or both |
+    | `observation` | rays | or discs, or both |
     | `nearest` | 12 | number of obstacles observed |
     | `focus` | 0.0 | distance ahead [m] of the point to which they are nearest |
     | `rays` | 64 | number of rays, at equal angles |

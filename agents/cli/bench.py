@@ -25,7 +25,7 @@ EPILOG = """\
 examples:
   ferguson bench planners --fields standard/validation:0-9 --out results/peers
   ferguson bench solvers --windows 50 --ipopt-every 0 --out results/solvers
-  ferguson bench env --observation rays"""
+  ferguson bench env --observation discs"""
 
 
 def add_to(bench: Parser) -> None:
@@ -72,7 +72,7 @@ def add_to(bench: Parser) -> None:
             ),
             epilog="examples:\n"
             "  ferguson bench env\n"
-            "  ferguson bench env --observation rays --seconds 1 --out results/speed",
+            "  ferguson bench env --observation discs --seconds 1 --out results/speed",
         )
     )
 

@@ -23,7 +23,7 @@ examples:
   ferguson demos --expert guided --fields standard/train:0-999 \\
       --out ferguson/guided-v0 --workers 2
   ferguson demos --expert guided+margin=0.5 --fields traps/train:0-99 \\
-      --observation rays --out traps-v1"""
+      --observation both --out traps-v1"""
 
 
 def add_to(demos: Parser) -> None:

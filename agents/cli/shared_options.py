@@ -9,6 +9,7 @@ from agents.cli.arguments import Parser, directory, positive, seed, seeds, worke
 from agents.cli.completion import DIRECTORY, FIELDS, ONE_FIELD, PLANNER
 from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import KINDS
+from ferguson_gym.simulation.settings import Settings
 from planners.registry import OPTIONS, PLANNERS
 
 RESUME_NOTE = "ferguson: run the same command again to resume"
@@ -52,7 +53,7 @@ def add_observation(command: Parser) -> None:
     command.add_argument(
         "--observation",
         choices=KINDS,
-        default=KINDS[0],
+        default=Settings().observation,
         metavar="KIND",
         help=f"kind of observation: {', '.join(KINDS)}; default: %(default)s",
     )

@@ -17,7 +17,7 @@ import ferguson_gym
 from agents.demonstrations.episode import make_environment, replay
 from agents.demonstrations.minari_store import local_ids, minari, place_of
 from agents.runtime.safe_npz import reason
-from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation import Observation, saved_arguments
 from ferguson_gym.world.actions import Action
 
 _SAME = 1e-6
@@ -95,7 +95,8 @@ def read(dataset_id: str) -> Demonstrations:
         every, offsets = np.concatenate(actions), np.cumsum([0, *map(len, actions)])
         if not (np.abs(every) <= 1.0).all():
             raise ValueError("actions outside [-1, 1]")
-        env = make_environment(spec.kwargs)
+        environment = saved_arguments(spec.kwargs)
+        env = make_environment(environment)
     for name, episode in ends:
         _check(dataset_id, env, name, episode)
     return Demonstrations(
@@ -104,7 +105,7 @@ def read(dataset_id: str) -> Demonstrations:
         fields=fields,
         actions=every,
         offsets=offsets,
-        environment=dict(spec.kwargs),
+        environment=environment,
         metadata=metadata,
     )
 

@@ -19,7 +19,7 @@ from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.provenance import commit, facts
-from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.simulation import Observation, arguments_to_save
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import family
 
@@ -70,7 +70,7 @@ class Request:
         families = {name.partition(":")[0] for name in self.fields}
         suite, _, split = families.pop().partition("/")
         own = {"suite": suite, "split": split} if not families and split else {}
-        return own | dict(self.arguments)
+        return own | arguments_to_save(self.arguments)
 
     def chunk(self, number: int) -> list[str]:
         """Names of the fields of a chunk."""

@@ -12,7 +12,7 @@ from typing import Any
 
 from ferguson_gym import ENVIRONMENT_ID, __version__
 from ferguson_gym.runtime import atomic_write
-from ferguson_gym.simulation import settings_of
+from ferguson_gym.simulation import arguments_to_save, saved_arguments, settings_of
 from ferguson_gym.world import PAPER_LIMITS
 
 CARD = "model.json"
@@ -53,7 +53,9 @@ class ModelCard:
         Raises:
             ValueError: A number is not finite.
         """
-        return json.dumps(dataclasses.asdict(self), indent=1, allow_nan=False) + "\n"
+        entries = dataclasses.asdict(self)
+        entries["environment"] = arguments_to_save(self.environment)
+        return json.dumps(entries, indent=1, allow_nan=False) + "\n"
 
 
 def write_card(directory: Path, card: ModelCard) -> None:
@@ -98,6 +100,7 @@ def parse_card(text: str, where: str = "card") -> ModelCard:
         kind = kinds.get(str(entry.type))
         if kind is not None and type(entries[name]) is not kind:
             raise ValueError(f"{where}: {name} should be of type {kind.__name__}")
+    entries["environment"] = saved_arguments(entries["environment"])
     card = ModelCard(**entries)
     _check_version(card, where)
     check_environment(card.environment, f"{where}: ")

@@ -22,25 +22,38 @@ from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.safe_npz import reason
 from agents.training.run import Run
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.simulation import arguments_to_save
 from ferguson_gym.world.field_names import get_fields
 
-CURVE = "curve.csv"
+CURVE, BEST = "curve.csv", "best"
 _COLUMNS = ("steps", "minutes", "success", "spl", "gap")
 _PACKAGES = ("ferguson-gym", "numpy", "torch", "stable-baselines3", "sb3-contrib", "gymnasium")
 
 
 def card_of(run: Run, policy: str, policy_kwargs: dict[str, Any], environment: Any) -> ModelCard:
-    """The card of a run's models, without results; the network's arguments are as in YAML."""
+    """The card of a run's models, without results; the network's arguments are as in YAML.
+
+    Raises:
+        ValueError: the run resumes, and the card of its best model is damaged.
+    """
     return ModelCard(
         algorithm=run.algorithm,
         policy=policy,
         policy_kwargs=policy_kwargs,
-        environment=dict(environment),
+        environment=_with_observation(run, environment),
         seed=run.seed,
         versions=provenance.facts(*_PACKAGES)["versions"],
         commit=provenance.commit(),
         settings=run.configuration(),
     )
+
+
+def _with_observation(run: Run, environment: dict[str, Any]) -> dict[str, Any]:
+    """Arguments that name the observation: a run that resumes keeps the default it began with."""
+    known = run.directory / BEST / CARD
+    if "observation" in environment or run.fresh or not known.is_file():
+        return arguments_to_save(environment)
+    return {"observation": read_card(known).environment["observation"], **environment}
 
 
 class TrainingRecord:
@@ -53,7 +66,7 @@ class TrainingRecord:
             ValueError: a file in the directory is damaged.
         """
         self._run, self._card = run, card
-        self._best = run.directory / "best"
+        self._best = run.directory / BEST
         self.curve = [row for row in _read_curve(run.directory / CURVE) if row["steps"] <= steps]
         self.best: float | None = None
         """The highest SPL of any model so far."""

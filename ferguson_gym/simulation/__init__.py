@@ -9,6 +9,8 @@ from ferguson_gym.simulation.batch_simulator import BatchSimulator as BatchSimul
 from ferguson_gym.simulation.observations import Observation as Observation
 from ferguson_gym.simulation.observe import observe as observe
 from ferguson_gym.simulation.observe import observe_one as observe_one
+from ferguson_gym.simulation.saved_arguments import arguments_to_save as arguments_to_save
+from ferguson_gym.simulation.saved_arguments import saved_arguments as saved_arguments
 from ferguson_gym.simulation.settings import Settings as Settings
 from ferguson_gym.simulation.settings import settings_of as settings_of
 from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts as SimulatedRollouts

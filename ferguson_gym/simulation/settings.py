@@ -49,7 +49,7 @@ class Settings:
     radii: Sequence[float] | None = None
     gate: float = PAPER_LIMITS.gate
     segments: int = PAPER_LIMITS.segments
-    observation: str = "discs"
+    observation: str = "rays"
     nearest: int = 12
     focus: float = 0.0
     rays: int = 64

@@ -42,7 +42,7 @@ def toward(env: ObstacleField, end: np.ndarray, derivative: np.ndarray) -> np.nd
 @pytest.mark.parametrize("suite", ["standard", "sparse", "forest"])
 @pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 def test_gymnasiums_checker_passes(suite: str, render_mode: str | None) -> None:
-    env = gym.make(ENVIRONMENT_ID, suite=suite, nearest=30, render_mode=render_mode)
+    env = gym.make(ENVIRONMENT_ID, suite=suite, observation="both", render_mode=render_mode)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(env.unwrapped)
@@ -56,7 +56,7 @@ def test_stable_baselines_checker_passes() -> None:
 
 
 def test_make_by_the_registered_name_and_again_from_its_spec() -> None:
-    env = gym.make(ENVIRONMENT_ID, suite="traps", split="validation", nearest=5)
+    env = gym.make(ENVIRONMENT_ID, suite="traps", split="validation", rays=5)
     assert env.spec is not None
     again = gym.make(env.spec)
     first, _ = env.reset(seed=4)
@@ -164,7 +164,7 @@ def test_the_observation_turns_with_the_vehicle() -> None:
         goal=[80.0, 30.0],
         start_derivative=[6.6, 0.0],
     )
-    env = ObstacleField(nearest=4)
+    env = ObstacleField(observation="discs", nearest=4)
     seen, _ = env.reset(options={"field": ahead})
     speed = np.arcsinh(6.6 / 66.0 * np.sinh(4.0)) / 4.0
     np.testing.assert_allclose(

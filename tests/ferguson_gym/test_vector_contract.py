@@ -207,8 +207,10 @@ def test_episode_statistics_add_up(mode: AutoresetMode) -> None:
 
 
 def test_observations_can_be_flattened_as_a_whole() -> None:
-    envs = wrappers.FlattenObservation(gym.make_vec(ENVIRONMENT_ID, num_envs=3, nearest=5))
-    scalar = FlattenObservation(gym.make(ENVIRONMENT_ID, nearest=5))
+    envs = wrappers.FlattenObservation(
+        gym.make_vec(ENVIRONMENT_ID, num_envs=3, observation="both", nearest=5)
+    )
+    scalar = FlattenObservation(gym.make(ENVIRONMENT_ID, observation="both", nearest=5))
     flat, _ = envs.reset(seed=6)
     assert envs.single_observation_space == scalar.observation_space
     for i in range(3):

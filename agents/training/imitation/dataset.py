@@ -19,7 +19,7 @@ COLUMNS = 11
 derivative (2 each), segments flown, action (4), and 1 near a refused segment, else 0."""
 RECENT = 30_000
 """Samples near refused segments that are oversampled: the most recent ones."""
-_AROUND = Settings(nearest=12, focus=8.0)
+_AROUND = Settings(observation="discs", nearest=12, focus=8.0)
 """Shows the discs that an action can collide with, whatever the learner observes."""
 _FIRST = 4096
 """Initial capacity in rows; it doubles when it is used up."""

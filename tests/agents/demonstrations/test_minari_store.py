@@ -101,7 +101,7 @@ def test_the_metadata_hold_the_request_and_versions(root: Path) -> None:
     assert told["environment"]["arguments"] == {
         "suite": "standard",
         "split": "train",
-        "observation": "discs",
+        "observation": "rays",
     }
     assert {"python", "ferguson-gym", "numpy"} <= set(told["versions"])
     assert set(told) >= {"commit", "flights", "failed"}

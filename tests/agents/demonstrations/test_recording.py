@@ -73,7 +73,7 @@ def test_replayed_actions_reproduce_every_transition(tmp_path: Path, observation
 
 def test_a_demonstration_is_the_experts_flight(tmp_path: Path) -> None:
     (episode,) = fly_all(tmp_path / "work", wanted("sparse/train:2"))
-    env = make_environment({})
+    env = make_environment({"observation": "discs"})
     observation, _ = env.reset(options={"field": "sparse/train:2"})
     np.testing.assert_array_equal(episode.observations["goal"][0], observation["goal"])
     inside = env.unwrapped
@@ -151,7 +151,7 @@ def test_failed_flights_are_counted_by_outcome(tmp_path: Path) -> None:
 
 def test_episodes_are_packed_and_unpacked_even_those_without_a_step(tmp_path: Path) -> None:
     episodes = fly_all(tmp_path, wanted("sparse/train:0-1"))
-    env = make_environment({})
+    env = make_environment({"observation": "discs"})
     none = replace(replay(env, "sparse/train:5", episodes[0].actions[:0]), field="sparse/train:5")
     assert none.outcome is Outcome.GAVE_UP
     given = [episodes[0], none, episodes[1]]

@@ -58,12 +58,12 @@ def test_a_policy_that_gives_up_at_once_flies_nothing() -> None:
 
 
 def test_flights_in_a_wrapped_environment_are_the_same() -> None:
-    environment = gym.make(ferguson_gym.ENVIRONMENT_ID, observation="rays")
+    environment = gym.make(ferguson_gym.ENVIRONMENT_ID, observation="discs")
     (plain, steps), (wrapped, others) = flight_and_steps(2), flight_and_steps(2, environment)
     np.testing.assert_array_equal(plain.control, wrapped.control)
     assert [step.reward for step in steps] == [step.reward for step in others]
-    assert "rays" in others[0].observation
-    assert "rays" not in steps[0].observation
+    assert "obstacles" in others[0].observation
+    assert "obstacles" not in steps[0].observation
 
 
 def test_a_name_flies_the_policy_of_that_name() -> None:

@@ -21,7 +21,7 @@ from agents.flights.batched import fly_batch
 from agents.models import loading
 from ferguson_gym.world.field_names import get_fields
 from tests.support.places import ROOT
-from tests.support.small_models import DISCS, saved
+from tests.support.small_models import DISCS, card_of, saved
 
 FIELDS = "sparse/train:0-5"
 
@@ -140,6 +140,27 @@ def test_no_code_in_a_model_is_run(copy: Path, tmp_path: Path) -> None:
 def test_a_card_that_does_not_fit_is_refused(copy: Path, entries: dict, match: str) -> None:
     rewrite(copy, **entries)
     refusal(copy, match)
+
+
+@pytest.mark.parametrize("environment", [{}, {"suite": "sparse"}])
+def test_a_card_from_when_discs_were_the_default_flies_as_before(
+    environment: dict, tmp_path: Path
+) -> None:
+    discs = {**environment, "observation": "discs"}
+    saved(tmp_path / "named", card_of(environment=discs))
+    saved(tmp_path / "left-out", card_of(environment=discs))
+    rewrite(tmp_path / "left-out", environment=environment)
+    known, flown = [loading.load(tmp_path / name) for name in ("named", "left-out")]
+    assert flown.card.environment == discs
+    for one, other in zip(
+        fly_batch(known, get_fields(FIELDS)), fly_batch(flown, get_fields(FIELDS)), strict=True
+    ):
+        np.testing.assert_array_equal(one.control, other.control)
+
+
+def test_a_new_card_names_the_observation_that_was_the_default(tmp_path: Path) -> None:
+    saved(tmp_path, card_of(environment={"rays": 8}))
+    assert loading.load(tmp_path).card.environment == {"observation": "rays", "rays": 8}
 
 
 @pytest.mark.parametrize("text", ["", '{"algorithm": "pp', "[" * 100_000, "[]", "\x00"])

@@ -5,6 +5,7 @@ it, and the same training interrupted after the first of three evaluations. At t
 modules lay in flat folders under other names.
 """
 
+import json
 import shutil
 from pathlib import Path
 
@@ -42,6 +43,18 @@ def test_an_old_dataset_is_read_and_replayed() -> None:
     demonstrations = read(DATASET)  # replays the first and the last flight
     assert (demonstrations.expert, len(demonstrations)) == ("pursuit", 2)
     assert demonstrations.fields == ("sparse/train:0", "sparse/train:1")
+
+
+def test_a_dataset_from_when_discs_were_the_default_is_read_as_one_of_discs(tmp_path: Path) -> None:
+    pytest.importorskip("minari")
+    from agents.demonstrations.reading import read
+
+    metadata = tmp_path / "datasets" / DATASET / "data/metadata.json"
+    known = json.loads(metadata.read_text())
+    spec = json.loads(known["env_spec"])
+    spec["kwargs"] = {"suite": "sparse"}
+    metadata.write_text(json.dumps({**known, "env_spec": json.dumps(spec)}))
+    assert read(DATASET).environment == {"observation": "discs", "suite": "sparse"}
 
 
 def test_an_old_model_flies_as_it_did() -> None:

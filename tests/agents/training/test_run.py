@@ -20,7 +20,7 @@ from agents.demonstrations import reading
 from agents.demonstrations.reading import Demonstrations
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
-from agents.models import loading
+from agents.models import loading, shipped_agents
 from agents.training import checkpoint as training_checkpoint
 from agents.training.hyperparameters import SHIPPED, read
 from agents.training.imitation import demonstration_data
@@ -191,6 +191,30 @@ def test_an_interrupted_training_resumes(
     assert int(after[-1]["steps"]) >= 96
     assert not (out / "checkpoint").exists()
     assert loading.load(out).card.curve[-1]["steps"] >= 96
+
+
+def test_a_training_from_when_discs_were_the_default_resumes_with_discs(
+    command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, environment = tmp_path / "out", {"suite": "sparse", "fields": 20, "nearest": 3}
+    with monkeypatch.context() as patch:
+        press(patch, at=64)
+        assert main(command("ppo", env_kwargs={**environment, "observation": "discs"})) == 130
+    for file in (out / "run.json", out / "best/model.json"):  # as they were written then
+        entries = json.loads(file.read_text())
+        where: Any = entries.get("settings", entries)
+        del where["hyperparameters"]["env_kwargs"]["observation"]
+        entries.get("environment", {}).pop("observation", None)
+        file.write_text(json.dumps(entries))
+    assert main(command("ppo", env_kwargs=environment)) == 0
+    card = loading.load(out).card
+    assert card.environment == {**environment, "observation": "discs"}
+    assert [row["steps"] for row in card.curve][:3] == [0, 32, 64]
+
+
+def test_a_training_that_names_no_observation_sees_rays(command: Command, tmp_path: Path) -> None:
+    assert main(command("ppo", env_kwargs={"suite": "sparse", "rays": 5})) == 0
+    assert loading.load(tmp_path / "out").card.environment["observation"] == "rays"
 
 
 def test_a_checkpoint_restores_networks_and_optimizers(
@@ -387,6 +411,7 @@ def test_shipped_hyperparameters_are_valid(
         directory=tmp_path / "out",
         hyperparameters=recipe,
         demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
+        start=shipped_agents.SHIPPED / "dagger" if file.stem == "ppo-refining" else None,
     )
     monkeypatch.setattr(reading, "read", lambda _: straight_flights(tmp_path))
     algorithm.trainer().prepare(run)

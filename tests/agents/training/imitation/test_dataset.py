@@ -50,7 +50,11 @@ def single(sample: ImitationSample) -> Iterator[ImitationSample]:
 
 @pytest.mark.parametrize(
     "arguments",
-    [{}, {"observation": "rays", "rays": 9}, {"observation": "both", "nearest": 3, "focus": 4.0}],
+    [
+        {"observation": "discs"},
+        {"observation": "rays", "rays": 9},
+        {"observation": "both", "nearest": 3, "focus": 4.0},
+    ],
     ids=["discs", "rays", "both"],
 )
 def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None:
@@ -96,7 +100,10 @@ def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
 def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "_FIRST", 4)
     stream = np.random.default_rng(1)
-    known, rows = ImitationDataset(Settings(nearest=2)), rows_of([0] * 3 + [1] * 30 + [2], stream)
+    known, rows = (
+        ImitationDataset(Settings(observation="discs", nearest=2)),
+        rows_of([0] * 3 + [1] * 30 + [2], stream),
+    )
     for part in (rows[:3], rows[3:33], rows[33:]):
         known.add(part, FIELDS.__getitem__)
     assert len(known) == 34
@@ -105,7 +112,7 @@ def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_sampling_is_uniform_and_reproducible() -> None:
-    known = ImitationDataset(Settings(nearest=2))
+    known = ImitationDataset(Settings(observation="discs", nearest=2))
     known.add(rows_of([0] * 10, np.random.default_rng(2)), FIELDS.__getitem__)
     drawn = [known.sample(np.random.default_rng(3), 5000, 0.0).actions for _ in range(2)]
     assert torch.equal(drawn[0], drawn[1])
@@ -122,7 +129,7 @@ def test_a_field_is_looked_up_once_for_adjacent_rows() -> None:
         asked.append(seed)
         return FIELDS[seed]
 
-    known = ImitationDataset(Settings(nearest=2))
+    known = ImitationDataset(Settings(observation="discs", nearest=2))
     known.add(rows_of([2, 2, 2, 0, 0, 3], np.random.default_rng(4)), field_of)
     assert asked == [2, 0, 3]
 
@@ -132,7 +139,10 @@ def test_a_share_of_samples_is_near_the_latest_refused_segments(
 ) -> None:
     monkeypatch.setattr(dataset, "RECENT", 3)
     stream = np.random.default_rng(6)
-    known, rows = ImitationDataset(Settings(nearest=2)), rows_of([0] * 100, stream)
+    known, rows = (
+        ImitationDataset(Settings(observation="discs", nearest=2)),
+        rows_of([0] * 100, stream),
+    )
     rows[[1, 40, 60, 99], 10] = 1.0
     known.add(rows[:50], FIELDS.__getitem__)
     known.add(rows[50:], FIELDS.__getitem__)
@@ -141,6 +151,6 @@ def test_a_share_of_samples_is_near_the_latest_refused_segments(
         drawn = known.sample(stream, 400, hard).actions.tolist()
         assert least <= sum(tuple(action) in latest for action in drawn) <= most
     # without refused segments all rows are drawn uniformly
-    easy = ImitationDataset(Settings(nearest=2))
+    easy = ImitationDataset(Settings(observation="discs", nearest=2))
     easy.add(rows[:1], FIELDS.__getitem__)
     assert len(easy.sample(stream, 7, 0.5).actions) == 7

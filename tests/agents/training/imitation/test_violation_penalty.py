@@ -72,7 +72,7 @@ class Flown(NamedTuple):
 def flown(spec: str) -> Flown:
     """What an expert's segments cost, and how near to obstacles they are."""
     clearance, costs = [], []
-    view = Settings(nearest=12, focus=8.0)
+    view = Settings(observation="discs", nearest=12, focus=8.0)
     for field in get_fields(spec):
         plan = Pursuit().plan(field, initial_state(field), 0)
         vehicles = [state.vehicle for state in plan.states[:-1]]
@@ -153,7 +153,7 @@ def test_rows_of_padding_are_nothing() -> None:
 
 def descended(action: Array, field: Field, vehicle: State, steps: int = 150) -> Array:
     """The action some way down the price."""
-    view = Settings(nearest=12, focus=8.0)
+    view = Settings(observation="discs", nearest=12, focus=8.0)
     seen = observe(field, [vehicle], view)
     rows = torch.from_numpy(view.view * seen["obstacles"].reshape(1, -1, 4)[:, :, :3])
     present = torch.from_numpy(seen["mask"].copy())
