@@ -28,7 +28,7 @@ from ferguson_gym.world.field_names import as_field
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 
-RENDER_MODES = ("human", "rgb_array")
+RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 
 
 class ObstacleField(gym.Env[Observation, Action]):
@@ -117,6 +117,17 @@ class ObstacleField(gym.Env[Observation, Action]):
     | clearance | float | least clearance so far [m] |
     | segments | int | flown so far |
 
+    ## Rendering
+    | mode | `render()` returns | `render_fps` |
+    | --- | --- | --- |
+    | rgb_array | an image (800, 800, 3) of the flight so far | 4 |
+    | rgb_array_list | a list of images along the flight since the last call | 20 |
+    | human | None; the flight is shown in a window, or in a notebook | 4 |
+
+    The list holds the start, an image every 1.5 m along each segment, and the end for a second (20
+    times); a reset clears it. `ferguson_gym.rendering.RecordVideo` writes it to a smooth video. In
+    a notebook, mode human shows a flight as one picture that is updated in place.
+
     ## Arguments
     All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. Only many
     environments need a `capacity`; a single one makes room for the field that it is given.
@@ -137,7 +148,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `view` | 30.0 | range of observation [m], by which lengths are divided |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
     | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
-    | `render_mode` | None | or human, rgb_array |
+    | `render_mode` | None | or human, rgb_array, rgb_array_list |
 
     ```python
     import gymnasium as gym
@@ -168,6 +179,10 @@ class ObstacleField(gym.Env[Observation, Action]):
                 f"modes are {', '.join(RENDER_MODES)}"
             )
         self.render_mode = render_mode
+        if render_mode == "rgb_array_list":
+            from ferguson_gym.rendering.motion import FPS
+
+            self.metadata = {**self.metadata, "render_fps": FPS}
         self.action_space = action_space()
         self.observation_space = observation_space(self.settings)
         self._simulator = BatchSimulator(self.settings, 1, DISABLED)
@@ -235,6 +250,8 @@ class ObstacleField(gym.Env[Observation, Action]):
         renewed = np.array([seed is not None])
         self._simulator.reset(_ONE, [field], [self.np_random], renewed)
         self._field = field if isinstance(field, Field) else None
+        if self._viewer is not None:
+            self._viewer.begin()
         if self.render_mode == "human":
             self.render()
         return self._observation(), self._info()
@@ -272,8 +289,8 @@ class ObstacleField(gym.Env[Observation, Action]):
         report = self._simulator.reports[0]
         return {key: report[key].item() for key in INFOS}
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """Draw the flight so far: an image (800, 800, 3), or a window in mode human.
+    def render(self) -> Any:
+        """Draw the flight so far: an image, a list of images, or None; see the class.
 
         Raises:
             RuntimeError: before the first reset.
@@ -290,10 +307,7 @@ class ObstacleField(gym.Env[Observation, Action]):
 
             self._viewer = Viewer(self.render_mode)
         outcome = Outcome.from_code(int(self._simulator.outcome[0]))
-        image: NDArray[np.uint8] | None = self._viewer.draw(
-            field, self.control, self.refused, outcome
-        )
-        return image
+        return self._viewer.draw(field, self.control, self.refused, outcome)
 
     def close(self) -> None:
         """Close the window, if there is one."""

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Circle
+from matplotlib.transforms import Affine2D
 
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
@@ -52,17 +54,25 @@ def draw_obstacles(axes: Axes, obstacles: Obstacles, colour: str = OBSTACLE) -> 
         axes.add_collection(patches)
 
 
-def draw_path(axes: Axes, control: Array) -> None:
-    """Segments (n, 4, 2) in alternating colours, and the knots between them."""
+def draw_path(axes: Axes, control: Array, *, first: int = 0, knots: bool = True) -> None:
+    """Segments (n, 4, 2) in alternating colours, and the knots between them.
+
+    Args:
+        axes: Where they are drawn.
+        control: Segments, of which the first has the number `first` in its path.
+        first: Decides the colour.
+        knots: Whether the ends of segments are marked.
+    """
     if len(control) == 0:
         return
-    colours = [SEGMENTS[k % 2] for k in range(len(control))]
+    colours = [SEGMENTS[k % 2] for k in range(first, first + len(control))]
     lines = LineCollection(
         list(evaluate(control, _T)), colors=colours, lw=1.8, zorder=4, capstyle="round"
     )
     axes.add_collection(lines)
-    knots = control[:, 1]
-    axes.plot(knots[:, 0], knots[:, 1], "o", mfc="white", mec="#333333", mew=0.7, ms=3, zorder=5)
+    if knots:
+        x, y = control[:, 1].T
+        axes.plot(x, y, "o", mfc="white", mec="#333333", mew=0.7, ms=3, zorder=5)
 
 
 def draw_horizons(axes: Axes, horizons: Sequence[Array]) -> None:
@@ -77,6 +87,14 @@ def draw_refused(axes: Axes, control: Array) -> None:
     """A segment (4, 2) that was not feasible and therefore not flown."""
     points = evaluate(control, _T)
     axes.plot(points[:, 0], points[:, 1], ":", color=REFUSED, lw=1.6, zorder=4)
+
+
+def draw_vehicle(axes: Axes, position: Array, heading: Array) -> None:
+    """The vehicle at a position (2,), as a dart that points along its derivative (2,)."""
+    dart = [(-0.5, 0.0), (-0.9, 0.75), (1.1, 0.0), (-0.9, -0.75), (-0.5, 0.0)]
+    turn = Affine2D().rotate(float(np.arctan2(heading[1], heading[0])))
+    marker = MarkerStyle(np.array(dart) @ turn.get_matrix()[:2, :2].T)
+    axes.plot(*position, marker=marker, ms=17, mfc="black", mec="white", mew=0.8, zorder=7)
 
 
 def style() -> dict[Any, Any]:

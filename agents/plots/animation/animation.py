@@ -13,9 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
-from matplotlib.markers import MarkerStyle
 from matplotlib.patches import Circle
-from matplotlib.transforms import Affine2D
 from rich.progress import Progress
 
 from agents.flights import Flight
@@ -117,7 +115,7 @@ class Painter:
         if frame.refused is not None:
             drawing.draw_refused(axes, frame.refused)
         if not np.array_equal(frame.position, self._field.goal):
-            _draw_vehicle(axes, frame.position, frame.heading)
+            drawing.draw_vehicle(axes, frame.position, frame.heading)
         axes.plot(*self._field.start, "o", color=drawing.START, ms=5, zorder=6)
         axes.plot(*self._field.goal, "*", color=drawing.GOAL, ms=9, zorder=6)
         _write(self._figure, axes, frame.caption, "right")
@@ -152,13 +150,6 @@ def _draw_reach(axes: Axes, field: Field, origin: Array, reach: float) -> None:
 def _draw_chains(axes: Axes, chains: Sequence[Array], **look: Any) -> None:
     lines = [evaluate(chain, _T).reshape(-1, 2) for chain in chains]
     axes.add_collection(LineCollection(lines, colors=drawing.HORIZON, **look), autolim=False)
-
-
-def _draw_vehicle(axes: Axes, position: Array, heading: Array) -> None:
-    dart = [(-0.5, 0.0), (-0.9, 0.75), (1.1, 0.0), (-0.9, -0.75), (-0.5, 0.0)]
-    turn = Affine2D().rotate(float(np.arctan2(heading[1], heading[0])))
-    marker = MarkerStyle(np.array(dart) @ turn.get_matrix()[:2, :2].T)
-    axes.plot(*position, marker=marker, ms=17, mfc="black", mec="white", mew=0.8, zorder=7)
 
 
 def _write(figure: Figure, axes: Axes, text: str, side: Literal["left", "right"]) -> None:

@@ -8,20 +8,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from agents.flights import Flight
-from ferguson_gym.curves import derivative, evaluate, length
+from ferguson_gym.curves import evaluate, length
+from ferguson_gym.rendering.motion import FPS, STRIDE, parts
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 
-OPENING, MOVE, END = 1.2, 0.05, 4.0
+OPENING, MOVE, END = 1.2, 1.0 / FPS, 4.0
 """Seconds for which a frame is shown: before the flight, in motion, at the end."""
 THOUGHT, THOUGHTS = 0.35, 12.0
 """Seconds for which a search is shown, and again its result; upper limit of their sum."""
-STRIDE = 1.5
-"""Least distance between two frames in motion [m]."""
 MOVES = 100
 """Approximate number of frames in motion of a flight that is longer than this many strides."""
-_T = np.linspace(0.0, 1.0, 121)
+_T = np.linspace(0.0, 1.0, 60)
 _NO_SEGMENTS, _NO_POINTS = np.empty((0, 4, 2)), np.empty((0, 2))
 
 
@@ -94,21 +93,16 @@ def _motion(
     flight: Flight, step: int, frame: Frame, stride: float, distance: float
 ) -> Iterator[Frame]:
     """The frames in which a segment is flown, one a stride [m], after some flown distance [m]."""
-    control = flight.control[step]
-    metres = float(length(control))
-    points, slopes = evaluate(control, _T), derivative(control, _T)
-    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    shares = np.concatenate([[0.0], np.cumsum(chords)]) / chords.sum()
-    number = max(1, round(metres / stride))
-    for share in np.arange(1, number + 1) / number:
-        k = int(np.abs(shares - share).argmin())
+    metres = float(length(flight.control[step]))
+    flown = list(parts(flight.control[step], stride))
+    for number, part in enumerate(flown, start=1):
         yield replace(
             frame,
             seconds=MOVE,
-            caption=_caption(flight, step, distance + share * metres),
-            position=points[k],
-            heading=slopes[k],
-            trail=points[: k + 1],
+            caption=_caption(flight, step, distance + metres * number / len(flown)),
+            position=part[1],
+            heading=part[3],
+            trail=evaluate(part, _T),
             candidates=(),
             start=None,
         )

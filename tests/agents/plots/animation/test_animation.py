@@ -12,13 +12,14 @@ from PIL import Image
 from agents.cli.main import main
 from agents.flights.flight import Flight, fly
 from agents.plots.animation.animation import Painter, animate
-from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, STRIDE, Frame, frames_of
+from agents.plots.animation.frames import END, MOVE, MOVES, OPENING, Frame, frames_of
 from agents.plots.animation.gif import COLOURS, Palette, write_gif
 from agents.policies.planner_policies import planner_policy
 from agents.runtime.kernels import small_field
 from agents.runtime.terminal import Terminal
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.rendering.drawing import OBSTACLE, SEEN
+from ferguson_gym.rendering.motion import STRIDE
 from ferguson_gym.world.field import Field, to_json
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
