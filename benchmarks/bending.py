@@ -31,7 +31,7 @@ def main(number: int) -> None:
         "evaluations/start",
         "step [ms]",
         "length / without",
-        "middle half",
+        "interquartile range",
         "least turn radius [m]",
     ):
         table.add_column(column, justify="right")

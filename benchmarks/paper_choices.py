@@ -80,7 +80,7 @@ VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
         RecedingHorizon(solver=MultiStart(search=ElasticSqp(precision=1e-7))),
         unchanged,
     ),
-    "no start given up": (
+    "no guess abandoned": (
         RecedingHorizon(solver=MultiStart(search=ElasticSqp(patience=math.inf))),
         unchanged,
     ),

@@ -184,7 +184,7 @@ def markdown(table: Sequence[Row]) -> str:
             f"**{group}**",
             "",
             "| variant | fields | success (95 %) | McNemar p | SPL | longer than the reference "
-            "| time a window | time a flight | evaluations a window | reach [m] | winding |",
+            "| time per window | time per flight | evaluations per window | reach [m] | winding |",
             "| --- |" + " ---: |" * 10,
         ]
         for row in table:

@@ -110,7 +110,7 @@ VARIANTS = {
     "l1 merit instead of filter": Variant(
         patched=lambda: patch("planners.optimization.sqp.elastic_sqp.Filter", _L1Merit)
     ),
-    "no start given up": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
+    "no guess abandoned": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
     "no sidesteps": Variant(MultiStart(sidesteps=())),
     "precision 1e-3": Variant(MultiStart(search=ElasticSqp(precision=1e-3))),
     "bending 1e-5": Variant(bending_weight=1e-5),
