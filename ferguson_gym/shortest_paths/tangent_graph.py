@@ -4,9 +4,9 @@ A track is a disc's boundary with a sense of direction. In the order of that dir
 are the points where tangents leave it, the points where tangents arrive, and walls: the middles of
 those arcs that another disc or the outside of the bounds covers. Edges lead from a node along the
 track to the next node, unless that is a wall, and along the tangent that leaves there. Tangents
-touch tracks where no disc covers them, so that walls need no width. Nor need tangents end inside
-the bounds, since a path that left the bounds could only return past such a wall. A node has at
-most two outgoing edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
+touch tracks where no disc covers them and inside the bounds, so that walls need no width: an arc
+that enters a disc or leaves the bounds can only return past a wall. A node has at most two outgoing
+edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
 
 Every path through this graph is taut: it turns only along discs, hence is locally shortest. A
 shortest path bends nowhere else, since the bounds are convex, and so is the free corner where two
@@ -34,6 +34,7 @@ from ferguson_gym.shortest_paths.tangents import (
     Tangents,
     angle,
     is_clear,
+    is_within,
     tangent,
     tangents,
     view,
@@ -134,7 +135,9 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
         r = sense * disc.radius
         length, ux, uy = tangent(goal[0] - disc.x, goal[1] - disc.y, -r)
         x, y = disc.x + r * uy, disc.y - r * ux
-        if is_clear(x, y, ux, uy, length, length, scene.discs, around, i, i):
+        if is_within(scene.box, x, y) and is_clear(
+            x, y, ux, uy, length, length, scene.discs, around, i, i
+        ):
             track[count], at[count], other[count] = place, angle(sense, ux, uy), GOAL
             line[count] = length
             count += 1

@@ -164,6 +164,13 @@ def angle(sense: float, ux: float, uy: float) -> float:
 
 
 @compiled
+def is_within(box: Array, x: float, y: float) -> bool:
+    """Whether a point lies in a box (2, 2) of least and greatest coordinates."""
+    within: bool = box[0, 0] <= x <= box[1, 0] and box[0, 1] <= y <= box[1, 1]
+    return within
+
+
+@compiled
 def is_clear(
     x: float,
     y: float,
@@ -201,7 +208,7 @@ def is_clear(
 
 @compiled
 def tangents(scene: Scene) -> Tangents:
-    """All common tangents of discs that meet no other disc."""
+    """All common tangents of discs that meet no other disc and end inside the bounds."""
     discs = scene.discs
     room, count = 256, 0
     leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
@@ -220,6 +227,10 @@ def tangents(scene: Scene) -> Tangents:
                     continue
                 length, ux, uy = tangent(x, y, s - r)
                 x0, y0, far = one.x + r * uy, one.y - r * ux, np.sqrt(length * length + r * r)
+                if not is_within(scene.box, x0, y0):
+                    continue
+                if not is_within(scene.box, two.x + s * uy, two.y - s * ux):
+                    continue
                 if not is_clear(x0, y0, ux, uy, length, far, discs, around, i, j):
                     continue
                 if count == room:

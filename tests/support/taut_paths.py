@@ -37,6 +37,21 @@ def fields(draw: st.DrawFn, most: int = 12) -> Field:
     return Field(name="drawn", obstacles=Discs(every[free, :2], every[free, 2]))
 
 
+@st.composite
+def walls(draw: st.DrawFn) -> np.ndarray:
+    """A wall (n, 3) of overlapping discs (x, y, radius) at x = 0, from below -10 to above 110."""
+    radius = draw(st.sampled_from([1.5, 2.0, 3.0]))
+    first = -10.0 - draw(st.sampled_from([0.0, 0.25, 1e-4, 0.5]))
+    heights = np.arange(first, 111.0, 2.0)
+    radii = np.full(len(heights), radius)
+    # a few are larger, mostly by so little that common tangents are almost parallel to the bounds
+    for k in draw(st.lists(st.integers(0, len(heights) - 1), max_size=4)):
+        radii[k] += draw(st.sampled_from([1e-7, 1e-4, 0.25]))
+    for end in (0, -1):
+        radii[end] += draw(st.sampled_from([0.0, 0.0, 1e-7, 1e-4]))
+    return np.stack([np.zeros(len(heights)), heights, radii], axis=1)
+
+
 def assert_is_taut(path: ShortestPath, field: Field, depth: float = 2e-7) -> None:
     """Pieces join without a corner, enter no disc, stay inside the bounds and add up."""
     discs = field.obstacles

@@ -6,6 +6,7 @@ import math
 import numpy as np
 import pytest
 from hypothesis import given, settings
+from hypothesis import strategies as st
 from scipy.sparse.csgraph import dijkstra
 
 from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
@@ -16,7 +17,7 @@ from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import paper_field
 from tests.support.places import DATA
-from tests.support.taut_paths import assert_is_taut, fields, random_field
+from tests.support.taut_paths import assert_is_taut, fields, random_field, walls
 
 # shortest paths to six decimals, found independently
 PAPER = json.loads((DATA / "paper_fields.json").read_text())
@@ -137,6 +138,23 @@ def test_a_closed_ring_leaves_no_path(center: tuple[float, float]) -> None:
 def test_a_wall_from_bound_to_bound_leaves_no_path() -> None:
     wall = field_of([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     assert shortest_path(wall) is None
+
+
+def rows(radii: np.ndarray) -> Field:
+    """Two rows of 61 discs, 2 m apart, that reach beyond the bounds at either end."""
+    heights = np.arange(-10.0, 111.0, 2.0)
+    at = np.stack([np.repeat([50.0, 60.0], 61), np.tile(heights, 2)], axis=1)
+    return field_of(at, radii)
+
+
+@pytest.mark.parametrize("larger", [None, 0, 60, 61, 121])
+def test_rows_that_reach_equally_far_beyond_the_bounds_leave_no_path(larger: int | None) -> None:
+    # the common tangent of the rows' ends touches them exactly where they are farthest outside
+    radii = np.full(122, 3.0)
+    if larger is not None:
+        radii[larger] = 3.0001
+    assert shortest_path(rows(radii)) is None
+    assert exact_length(rows(radii)) is None
 
 
 @pytest.mark.parametrize(
@@ -328,6 +346,34 @@ def test_in_any_field_the_path_is_taut_and_as_long_as_the_way_back(field: Field)
         assert_is_taut(path, field)
         assert back == pytest.approx(path.length, abs=1e-6)
         assert path.length >= field.distance * (1.0 - 1e-12)
+
+
+@given(walls=st.lists(walls(), min_size=1, max_size=4))
+@settings(deadline=None, max_examples=60, derandomize=True)
+def test_walls_from_bound_to_bound_leave_no_path_and_a_hole_in_each_does(
+    walls: list[np.ndarray],
+) -> None:
+    shifts = [np.array([30.0 + 15.0 * k, 0.0, 0.0]) for k in range(len(walls))]
+    closed = np.concatenate([wall + shift for wall, shift in zip(walls, shifts, strict=True)])
+    assert shortest_path(field_of(closed[:, :2], closed[:, 2])) is None
+    turned = field_of(closed[:, 1::-1], closed[:, 2])
+    assert shortest_path(turned) is None
+    with_hole = [np.delete(wall, len(wall) // 2 + np.arange(-3, 4), axis=0) for wall in walls]
+    holes = np.concatenate([wall + shift for wall, shift in zip(with_hole, shifts, strict=True)])
+    found(field_of(holes[:, :2], holes[:, 2]))
+
+
+@given(field=fields(), cut=st.sampled_from([2.5, 5.0, 7.5, 10.0]))
+@settings(deadline=None, max_examples=150, derandomize=True)
+def test_with_bounds_that_cut_discs_the_path_stays_inside(field: Field, cut: float) -> None:
+    # start and goal lie in corners of the bounds, and many discs stick out of them equally far
+    narrow = Field(name="cut", obstacles=field.obstacles, bounds=(0.0, 100.0))
+    path = shortest_path(narrow)
+    wider = Field(name="wider", obstacles=field.obstacles, bounds=(-cut, 100.0 + cut))
+    longest = math.inf if path is None else path.length
+    assert (exact_length(wider) or math.inf) <= longest + 1e-6
+    if path is not None:
+        assert_is_taut(path, narrow)
 
 
 @given(field=fields())
