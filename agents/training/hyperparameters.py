@@ -1,8 +1,9 @@
-"""Hyperparameters from YAML in the shape of the RL Zoo, checked before they are used.
+"""Hyperparameters from YAML as the RL Zoo reads and writes it, checked before they are used.
 
-The only top-level key is the environment's id; below it stand `n_envs`, `n_timesteps`, `eval_freq`,
-`policy`, `policy_kwargs`, `env_kwargs`, and the algorithm's own arguments. Values are plain YAML;
-`lin_X` is a number that decreases linearly from X to 0 over the training.
+Below the environment's id stand `n_envs`, `n_timesteps`, `policy`, `policy_kwargs`, `env_kwargs`,
+and the algorithm's own arguments; below `ferguson`, or in the same block, what the Zoo does not
+know, such as `eval_freq`. Values are plain YAML; `lin_X` is a number that decreases linearly from X
+to 0 over the training. `agents.training.zoo_files` translates what the Zoo writes in another way.
 """
 
 from __future__ import annotations
@@ -14,12 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from agents.runtime.safe_npz import reason
-from ferguson_gym import ENVIRONMENT_ID
+from agents.training import zoo_files
 
 SHIPPED = Path(__file__).parent / "configs"
 """Directory of the shipped files; `ALGORITHM.yml` is the default of each algorithm."""
 _COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
 _LINEAR = "lin_"
+_EVALUATIONS = 50
+"""Number of evaluations where a file has no `eval_freq`, as those of the RL Zoo."""
 _LARGEST = 100_000
 """Limit on the size of a file [bytes]."""
 _MOST_ALIASES = 10
@@ -56,6 +59,9 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
 
     Raises:
         ValueError: no such file, not YAML, unknown or missing keys, or values of a wrong type.
+
+    Warns:
+        UserWarning: keys of the RL Zoo that are ignored.
     """
     import yaml
 
@@ -81,23 +87,23 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
         content = yaml.safe_load(text)
     except Exception as error:  # the library raises errors of many types on a damaged file
         raise ValueError(f"{given}: not YAML ({reason(error)})") from None
-    if not isinstance(content, dict) or list(content) != [ENVIRONMENT_ID]:
-        raise ValueError(f"{given}: need one key at the top, {ENVIRONMENT_ID}")
-    entries = content[ENVIRONMENT_ID]
-    if not isinstance(entries, dict) or not all(isinstance(key, str) for key in entries):
-        raise ValueError(f"{given}: need keys and values below {ENVIRONMENT_ID}")
+    try:
+        entries = zoo_files.entries(content)
+    except ValueError as error:
+        raise ValueError(f"{given}: {error}") from None
     if unknown := sorted(set(entries) - {*_COMMON, *known}):
         raise ValueError(
             f"{given}: unknown keys {', '.join(map(repr, unknown))}; known are "
             f"{', '.join([*_COMMON, *sorted(known)])}"
         )
-    if missing := [key for key in _COMMON[:4] if key not in entries]:
+    if missing := [key for key in ("n_timesteps", "policy") if key not in entries]:
         raise ValueError(f"{given}: missing keys {', '.join(missing)}")
     try:
+        steps = _count(entries, "n_timesteps")
         return Hyperparameters(
             n_envs=_count(entries, "n_envs"),
-            n_timesteps=_count(entries, "n_timesteps"),
-            eval_freq=_count(entries, "eval_freq"),
+            n_timesteps=steps,
+            eval_freq=_count({"eval_freq": max(steps // _EVALUATIONS, 1)} | entries, "eval_freq"),
             policy=str(entries["policy"]),
             policy_kwargs=_mapping("policy_kwargs", entries.get("policy_kwargs")),
             env_kwargs=_mapping("env_kwargs", entries.get("env_kwargs")),
