@@ -18,8 +18,7 @@ import numpy as np
 from PIL import Image
 
 import ferguson_gym  # registers the environment
-from ferguson_gym.world.actions import encode
-from ferguson_gym.world.outcome import Outcome
+from ferguson_gym.world import Outcome, encode
 
 RAYS, VIEW = 64, 30.0  # rays all around the vehicle; what they measure is a part of 30 m
 DIAGONAL = 120.0 * np.sqrt(2.0)  # and the distance to the goal a part of the bounds' diagonal

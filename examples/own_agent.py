@@ -30,16 +30,12 @@ except ImportError as error:
     install = ".venv/bin/pip install --editable '.[agents]' --constraint constraints.txt"
     raise SystemExit(f"own_agent.py needs {error.name}: {install}") from None
 
-from agents.flights.flight import fly
-from agents.models import networks, torch_model
-from agents.models.model_card import ModelCard
-from agents.policies.interface import Policy
-from agents.policies.registry import make_policy
+from agents.flights import fly
+from agents.models import ModelCard, networks, torch_model
+from agents.policies import Policy, make_policy
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
+from ferguson_gym.world import Field, encode, get_fields
 from ferguson_gym.world import transition as flight
-from ferguson_gym.world.actions import encode
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import get_fields
 
 SEEN = {"suite": "sparse", "observation": "rays", "rays": 64, "view": 30.0}
 NETWORK = {"net_arch": [64, 64], "log_std_init": -1.5}  # small actions: most large ones are refused

@@ -25,11 +25,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from agents.flights.flight import Flight, fly
+from agents.flights import Flight, fly
 from ferguson_gym.rendering.drawing import draw_field, draw_path
-from ferguson_gym.world.feasibility import is_feasible
+from ferguson_gym.world import Discs, is_feasible
 from ferguson_gym.world.field import Field, to_json
-from ferguson_gym.world.obstacles import Discs
 
 SIDES = ("x", "y", "width", "depth")
 

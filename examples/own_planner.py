@@ -18,15 +18,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.flights.flight import Flight, fly
-from agents.policies.interface import Policy
-from agents.policies.planner_policies import planner_policy
-from agents.policies.registry import make_policy
+from agents.flights import Flight, fly
+from agents.policies import Policy, make_policy, planner_policy
 from ferguson_gym.curves.arc_length import length
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field
-from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, get_fields, is_feasible
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.optimization.initial_guesses import catmull_rom
 from planners.rollout import ends_on_goal, remaining_plan, roll_out

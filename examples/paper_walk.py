@@ -30,9 +30,8 @@ from ferguson_gym.rendering.drawing import (
     draw_path,
     style,
 )
-from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
-from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field_names import get_field, get_fields
+from ferguson_gym.shortest_paths import exact_length, shortest_path
+from ferguson_gym.world import get_field, get_fields, is_feasible
 from ferguson_gym.world.paper_fields import TABLE_I
 from planners.interface import initial_state
 from planners.optimization.sqp.multi_start import MultiStart

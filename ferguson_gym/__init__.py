@@ -1,11 +1,11 @@
-"""A Gymnasium environment of flight along Ferguson splines, and the certified world beneath it.
+"""A Gymnasium environment for flight along Ferguson splines, with certified collision checks.
 
 Importing the package registers the environment `ferguson/ObstacleField-v0` and nothing else. The
-public names below are imported when they are first used, so that `import ferguson_gym` costs
-little more than `import gymnasium` and loads neither the compiler nor matplotlib. Folders, from
-the ground up: `runtime` (arrays, compiled functions, threads), `curves` (Ferguson segments and
-their certified clearance), `world` (fields, limits, actions, feasibility), `shortest_paths`
-(exact), `simulation` (the compiled step) and `rendering`.
+public names below are imported when they are first used, so that `import ferguson_gym` costs little
+more than `import gymnasium` and loads neither the compiler nor matplotlib. Folders, lowest layer
+first: `runtime` (arrays, compiled functions, threads), `curves` (Ferguson segments and their
+certified clearance), `world` (fields, limits, actions, feasibility), `shortest_paths` (exact),
+`simulation` (the compiled step) and `rendering`.
 """
 
 from importlib import import_module

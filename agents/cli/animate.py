@@ -16,8 +16,8 @@ from planners import PLANNERS
 HELP = "animate a planner's flight as a GIF"
 DESCRIPTION = """\
 Fly a planner through one field and write a GIF. For each planning window it shows the initial
-guesses, the resulting plan with the obstacles in its range and the shortest path onward, and then
-the segment that is flown."""
+guesses, the resulting plan, the obstacles in its range, and the shortest path from the plan's end
+to the goal. Then it shows the segment that is flown."""
 EPILOG = """\
 examples:
   ferguson animate paper:3 --policy guided --out flight.gif
@@ -52,8 +52,8 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     make_policy(options.policy)  # raises for unknown names
     if not PolicySpec.parse(options.policy).is_planner:
         raise ValueError(
-            f"an animation shows how a planner decides, and {options.policy!r} is an agent, which "
-            f"plans nothing; planners are {', '.join(PLANNERS)}"
+            f"only planners can be animated, and {options.policy!r} is an agent; "
+            f"planners are {', '.join(PLANNERS)}"
         )
     field = get_field(options.field)
     initial_state(field)

@@ -91,9 +91,9 @@ def truncate_message(message: str) -> str:
 
 
 def seed(text: str) -> int:
-    """A whole number from 0."""
+    """An integer >= 0."""
     if re.fullmatch(r"[0-9]+", text) is None:
-        raise argparse.ArgumentTypeError(f"a seed is a whole number from 0 on, got {text!r}")
+        raise argparse.ArgumentTypeError(f"a seed is an integer >= 0, got {text!r}")
     return _within(text)
 
 
@@ -123,14 +123,16 @@ MOST_WORKERS = 1024
 def workers(text: str) -> int:
     """A number of processes or threads."""
     if (number := positive(text)) > MOST_WORKERS:
-        raise argparse.ArgumentTypeError(f"at most {MOST_WORKERS} of them, got {number}")
+        raise argparse.ArgumentTypeError(
+            f"at most {MOST_WORKERS} processes or threads, got {number}"
+        )
     return number
 
 
 def positive(text: str) -> int:
-    """A whole number from 1."""
+    """An integer >= 1."""
     if re.fullmatch(r"0*[1-9][0-9]{0,17}", text) is None:
-        raise argparse.ArgumentTypeError(f"need a whole number from 1 on, got {text!r}")
+        raise argparse.ArgumentTypeError(f"need an integer >= 1, got {text!r}")
     return int(text)
 
 
@@ -158,7 +160,7 @@ def _above_zero(text: str, what: str) -> float:
     except ValueError:
         number = math.nan
     if not 0.0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"need {what}, a number above 0, got {text!r}")
+        raise argparse.ArgumentTypeError(f"need a positive number of {what}, got {text!r}")
     return number
 
 
@@ -198,8 +200,8 @@ def check_number(
     fields = sum(map(_number_of_fields, specs))
     if (flights := fields * _size(seeds) * policies) > most:
         raise ValueError(
-            f"at most {most} flights can be requested at once, got {flights}: fields "
-            f"{', '.join(specs)}, {_size(seeds)} x seeds, {policies} x policies"
+            f"at most {most} flights can be requested at once, got {flights}: {fields} fields "
+            f"({', '.join(specs)}) x {_size(seeds)} seeds x {policies} policies"
         )
 
 

@@ -16,10 +16,10 @@ from planners import PLANNERS, make
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000
 """Upper limit of the plans of one comparison."""
-HELP = "compare speeds and results side by side in one run"
+HELP = "benchmark planners, solvers or the environment"
 DESCRIPTION = (
     "Compare planners, solvers or environments in one run. Times depend on the machine and its "
-    "load; ratios of times within one run are comparable."
+    "load; compare only ratios within one run."
 )
 EPILOG = """\
 examples:
@@ -88,7 +88,9 @@ def _add_planners(planners: Parser) -> None:
         metavar="S",
         help="search time of planners with a budget; default: each planner's own budget",
     )
-    shared.add_workers(planners, "number of worker processes; times are comparable only with one")
+    shared.add_workers(
+        planners, "number of worker processes; times are comparable only with one process"
+    )
     shared.add_out(planners)
     shared.add_json(planners)
     shared.add_output_options(planners)
@@ -104,7 +106,8 @@ def _add_solvers(solvers: Parser) -> None:
         type=seed,
         default=10,
         metavar="N",
-        help="let IPOPT, which is slow, solve every Nth window; 0: none; default: %(default)s",
+        help="let IPOPT, which is slow, solve every Nth window; 0 turns IPOPT off; "
+        "default: %(default)s",
     )
     shared.add_out(solvers)
     shared.add_output_options(solvers)

@@ -29,13 +29,15 @@ examples:
 def add_to(demos: Parser) -> None:
     """Add the arguments."""
     shared.add_planner(demos, "--expert", required=True)
-    shared.add_fields(demos, "fields to fly, for example standard/train:0-999; no files")
+    shared.add_fields(
+        demos, "fields to fly, for example standard/train:0-999, by name, not as files"
+    )
     demos.add_argument(
         "--out",
         required=True,
         metavar="DATASET_ID",
-        help="id of the dataset, for example ferguson/guided-v0; it is written below "
-        "MINARI_DATASETS_PATH, if that is set",
+        help="id of the dataset, for example ferguson/guided-v0; it is written to the directory "
+        "MINARI_DATASETS_PATH, by default ~/.minari/datasets",
     )
     shared.add_observation(demos)
     demos.add_argument(
@@ -43,7 +45,7 @@ def add_to(demos: Parser) -> None:
     )
     demos.add_argument("--rays", type=positive, metavar="N", help="number of rays; default: 64")
     shared.add_workers(demos)
-    fresh_help = "replace a dataset of this id, or the unfinished work of another request"
+    fresh_help = "start over: replace a dataset of this id, or an unfinished recording"
     demos.add_argument("--fresh", action="store_true", help=fresh_help)
     shared.add_json(demos, "print only one JSON object with the numbers of flights")
     shared.add_output_options(demos)

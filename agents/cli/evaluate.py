@@ -35,12 +35,14 @@ policies:
   planners    {", ".join(list(PLANNERS)[:6])},
               {", ".join(list(PLANNERS)[6:])}
   options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
-              NAME+sensing=METRES, or several; single-start and multi-start
-              with +from=POLICY start from what that policy would fly
+              NAME+sensing=METRES, also combined; single-start+from=POLICY and
+              multi-start+from=POLICY use that policy's segments as initial
+              guess
   agents      {", ".join(shipped()) or "no shipped ones"}, or the directory of a trained one;
-              AGENT+tries=N simulates N flights and flies the shortest
-  +shield     at the end of the name of a policy that decides step by step:
-              guided replaces its doubtful segments
+              AGENT+tries=N simulates N rollouts and flies the shortest
+  shield      POLICY+shield: guided decides where a segment cannot be
+              certified one step ahead (only for policies that decide
+              segment by segment)
 
 examples:
   ferguson evaluate --policy multi-start --fields paper:1-4 --seeds 0-9 \\
@@ -72,7 +74,7 @@ def add_to(evaluate: Parser) -> None:
         default="processes",
         metavar="NAME",
         help="where to fly: processes on this machine, or dask, a Dask cluster whose workers have "
-        "the same versions, and agents at the same paths; results do not depend on it; to install "
+        "the same versions, and agents at the same paths; the results are the same; to install "
         f"Dask: {installing('cluster')}; default: %(default)s",
     )
     evaluate.add_argument("--address", metavar="HOST:PORT", help="address of the Dask scheduler")
@@ -80,8 +82,7 @@ def add_to(evaluate: Parser) -> None:
         "--batch",
         type=positive,
         metavar="N",
-        help="number of flights that an agent flies at once; results do not depend on it; "
-        "default: 48",
+        help="number of flights that an agent flies at once; the results are the same; default: 48",
     )
     evaluate.add_argument(
         "--fresh", action="store_true", help="start over and replace earlier results in DIR"

@@ -115,7 +115,7 @@ def _parser() -> argparse.ArgumentParser:
 
     parser = Parser(
         prog="ferguson",
-        description="Plan, evaluate and learn flights through fields of obstacles.",
+        description="Plan paths, evaluate policies and train agents in fields of obstacles.",
         epilog=_EPILOG.format(grammar=GRAMMAR[0].upper() + GRAMMAR[1:]),
     )
     parser.add_argument("--version", action="version", version=f"ferguson {__version__}")

@@ -17,7 +17,7 @@ NO_PATH = 1
 HELP = "plan a path through one field"
 DESCRIPTION = """\
 Plan a path through one field; print its length, clearance and smallest turn radius, and the
-planning windows or the route behind it. Exit status 1: no path was found."""
+planning windows or the route from which it was made. Exit status 1: no path was found."""
 EPILOG = """\
 examples:
   ferguson plan paper:2 --planner multi-start --plot flight.png
@@ -36,13 +36,14 @@ def add_to(plan: Parser) -> None:
         "--sensing-range",
         type=metres,
         metavar="R",
-        help="know only the obstacles within R metres of the path flown so far; at least 15 "
+        help="hide obstacles farther than R metres from the path flown so far; at least 15 "
         "(single-start, multi-start, guided, pursuit)",
     )
     plan.add_argument(
         "--backtrack",
         action="store_true",
-        help="leave dead ends along the shortest path (planners as for --sensing-range)",
+        help="when stuck, follow the shortest path out of the dead end (planners as for "
+        "--sensing-range)",
     )
     plan.add_argument(
         "--turn-radius",
@@ -81,7 +82,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     agents = PolicySpec.parse(options.planner).agents
     if any(shipped_agents.find_agent(agent) for agent in agents):
         raise ValueError(
-            f"{options.planner!r} is an agent, which plans nothing; fly it by ferguson evaluate "
+            f"{options.planner!r} is an agent, not a planner; use ferguson evaluate "
             f"--policy {options.planner} --fields {options.field} --out DIR"
         )
     spec = PolicySpec.parse_planner(options.planner).with_options(

@@ -55,7 +55,8 @@ def add_observation(command: Parser) -> None:
         choices=KINDS,
         default=Settings().observation,
         metavar="KIND",
-        help=f"kind of observation: {', '.join(KINDS)}; default: %(default)s",
+        help=f"kind of observation, {', '.join(KINDS)}: the nearest obstacles, ranges along rays, "
+        "or both; default: %(default)s",
     )
 
 
@@ -85,7 +86,9 @@ def add_count(command: Parser, option: str, default: int, text: str) -> None:
     )
 
 
-def add_json(command: Parser, text: str = "print only the object of summary.json") -> None:
+def add_json(
+    command: Parser, text: str = "print the content of summary.json instead of tables"
+) -> None:
     """Add `--json`."""
     command.add_argument("--json", action="store_true", help=text)
 
@@ -101,7 +104,7 @@ def add_output_options(command: Parser) -> None:
         "--no-color",
         dest="colour",
         action="store_false",
-        help="print without colours; so does NO_COLOR in the environment",
+        help="disable colours, as does setting the variable NO_COLOR",
     )
 
 

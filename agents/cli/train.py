@@ -39,29 +39,35 @@ def add_to(train: Parser) -> None:
     train.add_argument(
         "algorithm", choices=list(ALGORITHMS), metavar="ALGORITHM", help=", ".join(ALGORITHMS)
     )
-    shared.add_out(train, "directory of the model; a training there is resumed")
+    shared.add_out(train, "output directory; an interrupted training in it is resumed")
     train.add_argument(
         "--config",
         metavar="FILE",
-        help="YAML file of hyperparameters, or the name of shipped ones, for example "
-        "ppo-refining; default: those of the algorithm",
+        help="YAML file of hyperparameters, or the name of a built-in configuration, for example "
+        "ppo-refining; default: that of the algorithm",
         complete=FILE,
     )
     shared.add_seed(train, "seed of all random numbers")
     train.add_argument(
-        "--steps", type=positive, metavar="N", help="limit of environment steps (flown segments)"
+        "--steps",
+        type=positive,
+        metavar="N",
+        help="limit of training, in segments flown (bc: training samples, dagger: states "
+        "labelled by the expert)",
     )
     train.add_argument(
         "--minutes",
         type=minutes,
         metavar="M",
-        help="limit of training time; without either limit, n_timesteps of the hyperparameters",
+        help="limit of training time; without --steps and --minutes, n_timesteps of the "
+        "configuration limits the steps",
     )
     train.add_argument(
         "--from",
         dest="start",
         metavar="MODEL",
-        help="initial model, shipped or trained: its network, observation and weights",
+        help="start from this model (name of an agent or directory) with its network, observation "
+        "and weights",
         complete=MODEL,
     )
     train.add_argument(
@@ -78,7 +84,11 @@ def add_to(train: Parser) -> None:
         train.add_argument(option, default=default, metavar="SPEC", help=text, complete=FIELDS)
     shared.add_workers(train, "number of worker processes, used by dagger")
     train.add_argument(
-        "--threads", type=workers, default=1, metavar="N", help="threads of torch; default: 1"
+        "--threads",
+        type=workers,
+        default=1,
+        metavar="N",
+        help="threads of torch and of the environment; default: 1",
     )
     train.add_argument(
         "--fresh", action="store_true", help="start over: delete the earlier training in DIR"
@@ -100,7 +110,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     check_directory(options.out)
     if options.demos is not None and not algorithm.demos:
         able = ", ".join(one for one, kind in ALGORITHMS.items() if kind.demos)
-        raise ValueError(f"--demos is of no use to {name}; {able} begin with demonstrations")
+        raise ValueError(f"{name} cannot use --demos; {able} can")
     start = None if options.start is None else _initial_model(options)
     check_number([options.choose_on], MOST)
     check_number([options.report_on], MOST)
@@ -121,7 +131,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         terminal=terminal,
     )
     if training.can_resume(run) and training.finished(run):
-        text = f"{run.directory} holds this training, finished; --fresh starts over"
+        text = f"the training in {run.directory} is already finished; --fresh starts over"
         return partial(terminal.note, text)
     return algorithm.trainer().prepare(run)
 
@@ -132,8 +142,11 @@ def _initial_model(options: argparse.Namespace) -> Path:
     if start is None:
         near = did_you_mean(options.start, shipped_agents.shipped())
         raise ValueError(
-            f"--from {options.start}: no such model{near}; name a shipped one or a path"
+            f"--from {options.start}: no such model{near}; give the name of a shipped agent or "
+            "the directory of a trained one"
         )
     if options.out.resolve() in (start.resolve(), *start.resolve().parents):
-        raise ValueError(f"--from {options.start} lies in --out {options.out}: choose another")
+        raise ValueError(
+            f"--from {options.start} is inside --out {options.out}; choose another output directory"
+        )
     return start

@@ -1,4 +1,4 @@
-"""Recording demonstrations: fly an expert, count failed flights, and write the others."""
+"""Recording demonstrations: fly an expert, write successful flights, and count failed ones."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """Evaluation of policies on the same fields: flights, statistics, tables and a report.
 
-`evaluate` flies policies and writes a directory of results, `summarise` computes the statistics of
-such a directory again. Both are imported when they are first used, since a run draws pictures.
+`evaluate` flies policies and writes a directory of results; `summarise` computes the statistics of
+such a directory again. Both are imported when they are first used, because they load matplotlib.
 """
 
 from importlib import import_module

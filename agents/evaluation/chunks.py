@@ -1,7 +1,7 @@
 """Flying a chunk: the task that a worker receives, and the result that it returns.
 
-Agents without a wrapper fly the fields of a chunk as a batch, in which decisions have no times of
-their own; `agents.evaluation.timing` measures what a decision costs.
+Agents without a wrapper fly all fields of a chunk in one batch, so single decisions cannot be timed
+there; `agents.evaluation.timing` measures them separately.
 """
 
 from __future__ import annotations

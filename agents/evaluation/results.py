@@ -143,7 +143,7 @@ def read_paths(path: Path, number: int) -> StoredPaths:
     with _opened(path), path.open("rb") as file, np.load(file, allow_pickle=False) as data:
         offsets: NDArray[np.int64] = data["offsets"]
         if offsets.ndim != 1 or offsets.dtype.kind != "i" or (np.diff(offsets) < 0).any():
-            raise ValueError("offsets are not ascending whole numbers")
+            raise ValueError("offsets are not ascending integers")
         if len(offsets) and offsets[0] != 0:
             raise ValueError("offsets do not begin with 0")
     if len(offsets) != number + 1:

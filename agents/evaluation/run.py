@@ -1,4 +1,4 @@
-"""`ferguson evaluate`: fly every policy through the same fields, and write what came out."""
+"""`ferguson evaluate`: fly every policy through the same fields, and write the results."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ def _write(work: Work, flights: FlightTable) -> None:
 
 
 def _summary(work: Work, flights: FlightTable, timings: Sequence[Timing]) -> dict[str, Any]:
-    """The object of summary.json: how the results were made, and what came out."""
+    """The object of summary.json: how the results were made, and the results."""
     names = {path.name for path in work.staging.iterdir()}
     return {
         "configuration": work.request.configuration,

@@ -48,23 +48,26 @@ _LEVELS = 241
 """Number of levels of a performance profile, at equal ratios."""
 
 HOW = {
-    "success": "Share of flights that were feasible and ended on the goal; Wilson's interval, over "
-    "fields: several policy seeds on a field count as one trial, since they may fly alike.",
+    "success": "Share of flights that were feasible and ended on the goal. Wilson's interval, over "
+    "fields: several policy seeds on a field count as one trial, because flights with different "
+    "policy seeds on the same field may be identical.",
     "spl": "Mean over all flights of success x exact / max(length, exact); a failure counts 0, and "
     "so does a field without a known shortest path. Bootstrap interval over fields, and over "
     "policy seeds where there are several.",
     "gap": "Length / exact - 1; a failed flight has an infinite gap, so that the median, the "
     "interquartile mean and the percentiles are infinite for policies that fail too often. Fields "
     "without a known shortest path are left out, for all policies. Bootstrap interval as for SPL.",
-    "pairs": "On the same fields and seeds. Success: exact McNemar test on the fields where one "
-    "policy succeeds (with several seeds: succeeds more often) than the other, also "
+    "pairs": "On the same fields and seeds. Success: exact McNemar test on the fields where only "
+    "one of the two policies succeeds (with several seeds: where one succeeds more often), also "
     "adjusted by Holm for the number of pairs. SPL: paired bootstrap.",
-    "improvement": "Share of flights in which the first policy is shorter; a tie within 1e-5 m, or "
-    "two failures, count half; a failure loses against any success.",
-    "profiles": "Share of flights with a gap of at most x; a failure has none.",
+    "improvement": "Share of flights in which the first policy flies the shorter path (probability "
+    "of improvement); a tie within 1e-5 m, or two failures, count half; a failure loses against "
+    "any success.",
+    "profiles": "Share of flights with a gap of at most x; a failed flight counts as an infinite "
+    "gap.",
     "times": "Measured on up to 20 flights of each policy, one policy at a time, while nothing "
     "else of the evaluation ran: median and 99th percentile over decisions, median over flights. "
-    "Results without them show medians and 99th percentiles over flights of the evaluation itself.",
+    "For a policy that was not timed separately, times from the evaluation itself are shown.",
 }
 """What each statistic is and how it treats failures: sentences for summary.json and the report."""
 
@@ -262,8 +265,8 @@ def caution(found: Mapping[str, Any]) -> str | None:
     if found["fields"] >= FEW or len(found["policies"]) < 2:
         return None
     return (
-        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and no "
-        "difference is certain."
+        f"With so few fields ({found['fields']}) bootstrap intervals are too narrow, and "
+        "differences may be due to chance."
     )
 
 

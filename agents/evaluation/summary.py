@@ -1,4 +1,4 @@
-"""Parts of summary.json beside statistics: shields, the paper's fields, and measured times."""
+"""Parts of summary.json other than statistics: shields, the paper's fields, and measured times."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ TIMES = ("decision_seconds_median", "decision_seconds_99", "flight_seconds_media
 def timed(
     policies: Iterable[Mapping[str, Any]], measured_policies: Iterable[Mapping[str, Any]]
 ) -> list[dict[str, Any]]:
-    """Statistics of policies with the times that were measured while nothing else flew.
+    """Statistics of policies with the times that were measured while nothing else ran.
 
     These are in `policies` of summary.json; a time that is missing there stays as it is.
     """

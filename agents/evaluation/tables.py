@@ -29,7 +29,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
         *without_gap(found),
         *filter(None, [caution(found)]),
         *(
-            f"{one['policy']} is stopped by a clock: its flights do not repeat exactly"
+            f"{one['policy']} has a time limit, so its flights are not exactly reproducible"
             for one in summary["policies"]
             if one["stopped_by_clock"]
         ),
@@ -48,17 +48,18 @@ def policies(found: Mapping[str, Any]) -> Table:
     """A row for each policy of a summary's statistics, the highest SPL first."""
     fields, seeds = found["fields"], found["seeds"]
     table = empty_table(
-        f"{_number(fields, 'field')}, {_number(seeds, 'policy seed')}; in brackets 95 % intervals",
+        f"{_number(fields, 'field')}, {_number(seeds, 'policy seed')}; 95 % intervals in brackets",
         "policy",
         "success\n[%]",
         "SPL",
         "median\ngap [%]",
-        "99 %\ngap [%]",
-        "decision\n99 % [ms]",
+        "99th pct.\ngap [%]",
+        "decision\n99th [ms]",
         "flight\n[ms]",
-        caption="SPL: mean of shortest / flown length, failures count 0; gap: flown / shortest "
-        "length - 1, infinite for a failure; decision: 99th percentile, including the first, which "
-        "plans the whole path for whole-path planners; flight: median",
+        caption="SPL: mean of shortest / flown length, where failures count 0; gap: flown / "
+        "shortest length - 1, infinite for a failure; decision: 99th percentile of decision times, "
+        "including the first, in which a whole-path planner plans its whole path; flight: median "
+        "time of a whole flight",
     )
     for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
         table.add_row(
@@ -97,23 +98,23 @@ def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
 
 
 def against_the_best(found: Mapping[str, Any]) -> Table | None:
-    """The policy with the highest SPL in pairs with all others; None where none can be compared.
+    """Comparisons of the policy with the highest SPL with each other policy.
 
-    One field says nothing about others, so a single field has no comparison.
+    None if there is no other policy, or only one field, which says nothing about others.
     """
     if not found["pairs"] or found["fields"] < 2:
         return None
     best = max(found["policies"], key=lambda one: float(one["spl"]))["policy"]
     table = empty_table(
-        f"{best} against the others, on the same fields and seeds",
-        "against",
+        f"{best} compared with the others, on the same fields and seeds",
+        "compared with",
         "SPL difference",
-        "shorter\n[%]",
+        "P(shorter)\n[%]",
         "won : lost",
-        "its p",
-        caption="shorter: in which share of flights, ties half, a failure loses against any "
-        "success; won, lost: fields on which only one of the two succeeds; its p: McNemar's "
-        "exact test of these successes, adjusted by Holm for all pairs",
+        "McNemar p",
+        caption=f"P(shorter): share of flights in which {best} flies the shorter path; ties count "
+        "half, and a failure loses against any success; won, lost: fields on which only one of the "
+        "two succeeds; McNemar p: exact test of won against lost, adjusted by Holm for all pairs",
     )
     spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
     rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]
@@ -132,7 +133,7 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
 def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
     """How many steps the planner took over, and why, from a summary's shields; None without any."""
     table = empty_table(
-        "Steps that the shield handed over",
+        "Steps that the shield handed over to the planner",
         "policy",
         "steps",
         "handed\nover [%]",
@@ -154,15 +155,15 @@ def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
 def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
     """A summary's flights through the paper's fields beside its Table I; None without any."""
     table = empty_table(
-        "The paper's fields (reconstructed), in brackets its Table I",
+        "The paper's fields (reconstructed), with its Table I in brackets",
         "policy, field",
         "success",
         "segments",
         "func. eval.",
         "length [m]",
         "shortest",
-        caption="medians over successes (-: none); (N/A): the paper found no path; no brackets: it "
-        "does not report this policy on this field",
+        caption="medians over successful flights (-: there is none); (N/A): the paper found no "
+        "path; no brackets: the paper does not report this policy on this field",
     )
     for one in rows:
         policy, field = one["policy"], one["field"]

@@ -1,7 +1,7 @@
-"""What decisions cost: some flights flown again, one policy at a time, while nothing else flies.
+"""Timing: some flights of each policy are repeated alone to measure decision times.
 
-During an evaluation workers share the machine, and agents decide for many flights at once, so its
-clocks measure the evaluation and not the cost of a policy to its users.
+During an evaluation workers share the machine, and agents decide for many flights at once, so times
+measured then do not show what a policy costs in use.
 """
 
 from __future__ import annotations

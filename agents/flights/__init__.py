@@ -1,4 +1,4 @@
-"""Flying policies through fields: one flight, a batch of flights, and measures of both.
+"""Flying policies through fields: one flight or a batch of flights, and their metrics.
 
 `fly` flies any policy in the environment, with a hook on each step; `fly_batch` flies a learned
 policy through many fields at once. Both return a `Flight`.

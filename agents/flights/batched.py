@@ -1,7 +1,7 @@
-"""Learned policies through many fields at once, each flight as if it were alone.
+"""Flying a learned policy through many fields at once, with the same results as one by one.
 
-A network's answer to a row does not depend on the rows beside it (`agents.models.model.Network`),
-so flights are the same, to the last bit, in batches of any size.
+A network's output for one observation does not depend on the others in the batch
+(`agents.models.model.Network`), so flights are the same, to the last bit, in batches of any size.
 """
 
 from __future__ import annotations

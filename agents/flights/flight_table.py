@@ -1,4 +1,4 @@
-"""Many flights as columns: what chunks hold on disk, and what evaluation computes with."""
+"""Column-oriented table of flights, used on disk and by the statistics."""
 
 from __future__ import annotations
 

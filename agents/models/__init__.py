@@ -1,4 +1,4 @@
-"""Learned models: weights and card on disk, and the networks that fly them.
+"""Learned models: stored as weights and a model card, and evaluated by networks.
 
 `load` reads a model directory and returns a `Model`: a network that maps observations to actions,
 and the `ModelCard` that describes it. Loading and flying a shipped agent needs no torch: its

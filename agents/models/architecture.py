@@ -1,7 +1,7 @@
-"""Architectures that fly without torch, derived from a model card.
+"""Architectures that can be evaluated without torch, derived from a model card.
 
 These are actors of the on-policy algorithms: plain or deep-sets features, fully connected layers,
-and a Gaussian or a mixture of Gaussians as head. All other networks need torch to fly.
+and a Gaussian or a mixture of Gaussians as head. All other networks need torch.
 """
 
 from __future__ import annotations

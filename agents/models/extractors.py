@@ -1,7 +1,7 @@
 """Feature extractors in torch: plain concatenation, deep sets, and attention over obstacles.
 
-Each adds nearby distances on a finer scale: observations are normalised by large lengths, while a
-metre matters beside an obstacle and on the last segments before the goal.
+Observations are divided by large lengths, so each extractor adds a rescaled copy of short
+distances: a metre matters beside an obstacle and on the last segments before the goal.
 `agents.models.inference.features` has compiled versions of the first two. The attribute names of
 layers are the names of weights in saved models and must not change.
 """

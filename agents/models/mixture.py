@@ -94,7 +94,7 @@ class MixturePolicy(MultiInputActorCriticPolicy):
 
     def __init__(self, *args: Any, components: int = 4, **kwargs: Any) -> None:
         if type(components) is not int or components < 1:
-            raise ValueError(f"components must be a whole number from 1 on, got {components!r}")
+            raise ValueError(f"components must be an integer >= 1, got {components!r}")
         self.components = components
         super().__init__(*args, **{**kwargs, "ortho_init": False})
 

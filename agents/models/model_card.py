@@ -1,4 +1,4 @@
-"""Model cards: `model.json`, which describes a model and stands beside its weights."""
+"""Model cards: `model.json`, which describes a model and is stored next to its weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Models in torch: built, saved, loaded for training, and flown where no kernels exist."""
+"""Models in torch: built, saved, loaded for training, and evaluated if no kernels exist."""
 
 from __future__ import annotations
 

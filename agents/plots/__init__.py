@@ -1,5 +1,6 @@
 """Figures and animations of flights, drawn with matplotlib.
 
-`flight_grid` draws flights side by side, `policy_comparison` several policies on the same fields,
-and `animation` a flight as it is decided. Importing this folder alone does not load matplotlib.
+`flight_grid` draws flights side by side, `policy_comparison` draws several policies on the same
+fields, and `animation` animates a flight, decision by decision. Importing this folder alone does
+not load matplotlib.
 """

@@ -1,4 +1,4 @@
-"""Figures of one style that are written atomically."""
+"""Figures in a common style, written atomically."""
 
 from __future__ import annotations
 

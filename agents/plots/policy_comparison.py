@@ -1,4 +1,4 @@
-"""A figure of several policies on the same fields: one panel a field, with its shortest path."""
+"""A figure of several policies on the same fields: one panel per field, with its shortest path."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""An agent that simulates flights before it flies, and flies the shortest that arrives.
+"""An agent that simulates rollouts before it flies, and flies the shortest that succeeds.
 
-The simulated flights are the agent's own, with disturbed actions. The dynamics and the field are
-known exactly, and the simulation judges flights as the environment does, so the chosen flight is
-reproduced exactly. Nothing is planned or optimised: all flights come from the network.
+The rollouts are the agent's own, with perturbed actions. The dynamics and the field are known
+exactly, and the simulation checks rollouts as the environment does, so the flight reproduces the
+chosen rollout exactly. Nothing is planned or optimised: all rollouts come from the network.
 
 Reference:
     Chua, Calandra, McAllister & Levine (2018), Deep reinforcement learning in a handful of trials

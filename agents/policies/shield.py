@@ -1,16 +1,16 @@
-"""The shield: an agent flies, and a planner replaces its doubtful segments.
+"""The shield: an agent flies, and a planner replaces the segments that fail a check.
 
 Before an agent's segment is flown, it is certified as in the environment, and a feasible segment
-must be known from its end: the agent's own next one, or else the planner's. So a flight only
-enters states with a certified next segment. An agent that loiters is stopped: only a few segments
-of a flight may come no nearer to the goal, and the segments left must always suffice for the
-planner.
+must be known from its end: the agent's own next one, or else the planner's. So a flight only enters
+states with a certified next segment. Loitering is limited: only a few segments of a flight may fail
+to approach the goal, and enough segments must remain for the planner to finish.
 
-Guarantee: if the planner's flight from the start and from every accepted state arrives with the
-segments left there, the shielded flight arrives. Every state is either accepted or lies on the
-planner's flight from an accepted one, because the planner continues its own plan as it would
-alone. Limitation: a planner may find no segment although one exists. Then the certified segment
-by which the state was accepted is flown, and the step is counted as unproven.
+Guarantee: if, from the start and from every state that the shield accepted, the planner would reach
+the goal with the remaining segments, then the shielded flight reaches the goal. The reason is that
+every state of the flight either was accepted or lies on the planner's flight from an accepted
+state, because the planner continues its own plan as it would alone. Limitation: the planner may
+find no segment although one exists. Then the shield flies the continuation that it certified when
+it accepted the state, and counts the step as unproven.
 
 Reference:
     Alshiekh, Bloem, Ehlers, Könighofer, Niekum & Topcu (2018), Safe reinforcement learning via

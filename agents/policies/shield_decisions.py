@@ -1,4 +1,4 @@
-"""Which of the agent and the planner decided each step of a shielded flight, and why."""
+"""Whether the agent or the planner decided each step of a shielded flight, and why."""
 
 from __future__ import annotations
 

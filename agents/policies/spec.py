@@ -1,12 +1,12 @@
-"""The grammar of policy names: `PolicySpec.parse` splits a name into its parts, here alone.
+"""The grammar of policy names, which are parsed only here, by `PolicySpec.parse`.
 
 | name | policy |
 | --- | --- |
 | `PLANNER+OPTION+...` | a planner; its options are those of `planners.registry.PlannerSpec` |
-| `PLANNER+...+from=POLICY` | a planner whose windows start from what another policy would fly |
+| `PLANNER+...+from=POLICY` | a planner whose initial guesses are the segments of another policy |
 | `AGENT` | a shipped agent by name, or the path of a trained one; `best` is the best shipped one |
-| `AGENT+tries=N` | an agent that simulates N flights and flies the shortest |
-| `POLICY+shield` | a policy whose doubtful segments a planner replaces |
+| `AGENT+tries=N` | an agent that simulates N rollouts and flies the shortest |
+| `POLICY+shield` | a policy whose segments a planner replaces if they fail a check |
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class PolicySpec:
     def _parse_agent(cls, text: str) -> PolicySpec:
         name, found, tries = text.partition(_TRIES)
         if found and not (tries.isascii() and tries.isdecimal()):
-            raise ValueError(f"policy {text!r}: need a whole number after {_TRIES}, got {tries!r}")
+            raise ValueError(f"policy {text!r}: need an integer >= 1 after {_TRIES}, got {tries!r}")
         best = shipped_agents.best() if name == shipped_agents.BEST else None
         spec = cls(agent=name) if best is None else cls._parse_agent(best)
         return replace(spec, tries=int(tries)) if found else spec

@@ -1,4 +1,4 @@
-"""The work of a command after its input was checked, and its exit status."""
+"""A job: the work that remains after a command's input was checked; exit statuses."""
 
 from __future__ import annotations
 

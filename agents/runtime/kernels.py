@@ -1,4 +1,4 @@
-"""A small field, and a function that compiles the kernels of every flight."""
+"""Compiles all kernels in advance, by a flight through a small field."""
 
 from __future__ import annotations
 

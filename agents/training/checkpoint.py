@@ -2,9 +2,9 @@
 
 A checkpoint is a directory named by its number of steps. It is moved into place when it is
 complete; the one before it is removed after that. It holds all networks with their optimizers
-(`model.zip`), counters (`state.json`) and, off policy, the replay buffer (`buffer.npz`). Unfinished
-flights and streams of random numbers are not stored: a training that resumes starts new flights,
-with streams seeded by the run's seed and the steps so far.
+(`model.zip`), counters (`state.json`) and, for off-policy algorithms, the replay buffer
+(`buffer.npz`). Unfinished flights and streams of random numbers are not stored: a training that
+resumes starts new flights, with streams seeded by the run's seed and the steps so far.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Hyperparameters from YAML as the RL Zoo reads and writes it, checked before they are used.
 
-Below the environment's id stand `n_envs`, `n_timesteps`, `policy`, `policy_kwargs`, `env_kwargs`,
+Below the environment's id are `n_envs`, `n_timesteps`, `policy`, `policy_kwargs`, `env_kwargs`,
 and the algorithm's own arguments; below `ferguson`, or in the same block, what the Zoo does not
 know, such as `eval_freq`. Values are plain YAML; `lin_X` is a number that decreases linearly from X
 to 0 over the training. `agents.training.zoo_files` translates what the Zoo writes in another way.
@@ -130,7 +130,7 @@ def slope(value: object) -> float | None:
 def _count(entries: dict[str, Any], key: str) -> int:
     number = _number(value := entries[key])
     if number is None or number < 1 or number != int(number):
-        raise ValueError(f"{key} must be a whole number from 1 on, got {value!r}")
+        raise ValueError(f"{key} must be an integer >= 1, got {value!r}")
     return int(number)
 
 

@@ -35,7 +35,11 @@ class Run:
     hyperparameters: Hyperparameters
     seed: int = 0
     steps: int | None = None
-    """Limit of segments flown; None: no limit if time is limited, else `n_timesteps`."""
+    """Limit of steps; None: no limit if time is limited, else `n_timesteps`.
+
+    A step is a training sample of `bc`, a state that the expert labelled of `dagger`, and a flown
+    segment of the other algorithms.
+    """
     minutes: float | None = None
     """Limit of time, summed over interruptions."""
     start: Path | None = None
@@ -55,7 +59,7 @@ class Run:
 
     @property
     def most_steps(self) -> int | None:
-        """Limit of segments flown; None if only time is limited."""
+        """Limit of steps; None if only time is limited."""
         if self.steps is None and self.minutes is None:
             return self.hyperparameters.n_timesteps
         return self.steps
@@ -87,8 +91,9 @@ class Trainer(Protocol):
 
         The job resumes from the run's checkpoint if there is one.
         `agents.training.learning_curve.TrainingRecord` keeps the learning curve and the best model,
-        and writes the final one. An interrupted job writes a checkpoint and raises
-        KeyboardInterrupt.
+        and writes the final one. An interrupted job raises KeyboardInterrupt: one of
+        Stable-Baselines3 writes a checkpoint before, one of imitation repeats the round when it
+        resumes.
 
         Raises:
             ValueError: an invalid run; then nothing is written.

@@ -1,4 +1,4 @@
-"""Drawing fields, paths and planned horizons on matplotlib axes, in one look for all."""
+"""Drawing fields, paths and planned horizons on matplotlib axes, in one style."""
 
 from __future__ import annotations
 

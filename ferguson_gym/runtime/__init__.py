@@ -1,7 +1,7 @@
-"""What every other folder builds on: array types and checks, compilation, threads, whole files.
+"""Foundations: array types and checks, compilation, threads, atomic file writes.
 
 The modules with compiled code, `jit` and `helper_threads`, are imported by their own names, since
-the compiler takes most of a second to load.
+loading the compiler takes most of a second.
 """
 
 from ferguson_gym.runtime.arrays import Array as Array

@@ -1,4 +1,4 @@
-"""Array types, and the one check through which arrays from outside enter."""
+"""Array types, and the validation of arrays that users supply."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Atomic writes: a file is written beside its place and then moved there."""
+"""Atomic writes: a temporary file in the same directory is written and then renamed."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Threads that share a compiled loop: pieces of work are claimed from an atomic counter.
 
-The calling thread works, too, and waits only for pieces that other threads have claimed, never
-for a thread that has not started. On a busy machine it therefore does all the work itself, at no
-loss. (A team of OpenMP threads waits for each of its members, which takes milliseconds where
-another process runs.)
+The calling thread works, too, and waits only for pieces that other threads have claimed, never for
+a thread that has not started. On a busy machine it therefore does all the work itself and loses no
+time by waiting. (OpenMP waits for all threads of a team; on a busy machine this costs
+milliseconds.)
 """
 
 from __future__ import annotations

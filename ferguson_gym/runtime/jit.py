@@ -1,7 +1,7 @@
-"""Numba's compiler behind typed names, so that strict type checks see through it.
+"""Typed wrappers of Numba's decorators, so that mypy can check compiled functions.
 
-Numba caches machine code beside the module and invalidates it only when that module's file
-changes, although kernels call kernels and take constants of other files. Each kernel is therefore
+Numba caches machine code beside the module and invalidates it only when that module's file changes,
+although a kernel may depend on functions and constants of other files. Each kernel is therefore
 cached under a name with a digest of its file and of all that this file imports, directly or not, so
 that no change leaves stale machine code in use and a change recompiles only what depends on it.
 """

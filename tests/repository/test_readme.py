@@ -46,7 +46,6 @@ def test_commands_run(command: list[str], tmp_path: Path, monkeypatch: pytest.Mo
     assert command[0] == ".venv/bin/ferguson"
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    (tmp_path / "results").mkdir()  # `make run` has made it
     assert main(command[1:]) == 0
     assert [path for path in tmp_path.rglob("*") if path.is_file()]
 

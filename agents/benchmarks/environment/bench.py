@@ -1,7 +1,7 @@
 """`ferguson bench env`: steps per second of our environments beside Gymnasium's CartPole.
 
-Each round runs a short slice of every environment, so that a slow phase of the machine affects
-all. Ratios are taken within rounds.
+Each round runs a short slice of every environment, so that a slow phase of the machine affects all
+equally. Ratios are taken within rounds.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Start-up time of a fresh process until the first step, and memory of many environments.
 
-`_first_step` and `_memory` run in fresh processes and time imports, so this module imports only
-modules that the interpreter has loaded already.
+`_first_step` and `_memory` run in fresh processes. To measure import times correctly, this module
+itself imports only modules that every Python process has loaded.
 """
 
 import sys

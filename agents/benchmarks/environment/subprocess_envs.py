@@ -1,4 +1,4 @@
-"""Environments in processes that always end with the block that uses them."""
+"""Environments in subprocesses, which a context manager always ends when its block exits."""
 
 from __future__ import annotations
 

@@ -24,6 +24,7 @@ _FLIGHT = 60
 """Characters of a flight beside its path, about."""
 _SEGMENT = 8
 """Least number of characters of a segment."""
+_NO_PATHS = "No flights are shown, because paths.npz is missing."
 
 
 class Scene(NamedTuple):
@@ -72,7 +73,7 @@ def browser(
         ValueError: The paths are damaged.
     """
     if paths is None:
-        return {"fields": [], "scenes": [], "total": 0, "note": "There is no paths.npz."}
+        return {"fields": [], "scenes": [], "total": 0, "note": _NO_PATHS}
     scenes = _scenes(flights)
     ranking = _rank(flights, list(scenes))
     drawn_fields, chosen = _choose(flights, paths, fields, scenes, ranking, budget)
@@ -95,9 +96,10 @@ def _note(shown: int, total: int, failing_shown: int, failing: int) -> str:
     if shown == total:
         return ""
     return (
-        f"To stay small this page holds the flights of {shown} of {total} fields and seeds: "
-        f"{failing_shown} of the {failing} with failures, rare ones first, and then the largest "
-        "gaps. Tables and profiles cover all flights."
+        f"To limit its size, this page contains the flights of {shown} of {total} pairs of field "
+        f"and seed: {failing_shown} of the {failing} with failures, beginning with failures of "
+        "policies that rarely fail, and then those with the largest gaps. Tables and profiles "
+        "cover all flights."
     )
 
 

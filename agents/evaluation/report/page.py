@@ -75,7 +75,8 @@ def write_page(
     lines = headline(found)
     if clocked := [name for name in flights.policies if policies.get(name, {}).get(_CLOCK)]:
         lines["sentences"].append(
-            f"Stopped by a clock, so that flights do not repeat exactly: {', '.join(clocked)}."
+            "With a time limit, so their flights are not exactly reproducible: "
+            f"{', '.join(clocked)}."
         )
     data = {
         "headline": lines,
@@ -100,7 +101,7 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
     """The title, and the sentences below it."""
     policies = found["policies"]
     if not policies:
-        return {"title": "No flights", "sentences": ["This evaluation holds no flights."]}
+        return {"title": "No flights", "sentences": ["This evaluation contains no flights."]}
     number = _number(len(policies), "policy", "policies")
     title = f"{number} on {_number(found['fields'], 'field', 'fields')}"
     successes = sum(one["successes"] for one in policies)
@@ -138,8 +139,10 @@ def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
             f"The difference from {', '.join(doubtful)} is not significant (paired 95 % interval)."
         )
     if len(equal) + len(doubtful) < len(found["policies"]) - 1:
-        subject = f"{name} leads all others" if sentences else "It leads every other policy"
-        sentences.append(f"{subject} (paired 95 % intervals).")
+        subject, others = (name, "all others") if sentences else ("It", "every other policy")
+        sentences.append(
+            f"{subject} is significantly better than {others} (paired 95 % intervals)."
+        )
     return " ".join(sentences)
 
 

@@ -1,4 +1,4 @@
-"""Fields and paths as drawings in the page: SVG path data in whole centimetres."""
+"""Drawings of fields and paths in the report: SVG path data, rounded to centimetres."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Demonstrations as training data: replayed into a replay buffer, or as labelled states."""
+"""Demonstrations as training data: transitions for a replay buffer, or labelled states."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class ImitationOptions:
         for key in ("updates", "batch_size", "first"):
             number = getattr(self, key)
             if type(number) is not int or number < 1:
-                raise ValueError(f"{key} must be a whole number from 1 on, got {number!r}")
+                raise ValueError(f"{key} must be an integer >= 1, got {number!r}")
         for key, most in (("scattered", 1.0), ("hard", 1.0), ("violation", 1e6)):
             value = getattr(self, key)
             if type(value) not in (int, float) or not 0.0 <= value <= most:

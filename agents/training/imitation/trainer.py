@@ -1,8 +1,9 @@
 """Behaviour cloning of demonstrations, and DAgger, as `ferguson train` runs them.
 
-A round of DAgger is a number of gradient steps. Meanwhile the policy as it was at the round's
-beginning flies through new fields, and the expert labels the states that it visits. The result
-therefore does not depend on the number of worker processes or on their speed.
+A round of DAgger is a number of gradient steps. Meanwhile the policy from the round's beginning
+flies through new fields, and the expert labels the states that it visits. With a limit of steps,
+the result therefore does not depend on the number of worker processes or on their speed; with a
+limit of time, it depends on the number of rounds that fit into that time.
 """
 
 from __future__ import annotations

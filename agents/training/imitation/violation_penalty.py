@@ -1,8 +1,8 @@
 """A differentiable penalty on infeasible segments.
 
 An error of a tenth of a metre is harmless in free space and a collision beside an obstacle, and the
-likelihood of an expert's action cannot tell the two apart. The penalty samples segments and proves
-nothing; flights are certified by `ferguson_gym.world.feasibility`.
+likelihood of an expert's action cannot tell the two apart. The penalty is evaluated at sample
+points, so it proves nothing; flights are certified by `ferguson_gym.world.feasibility`.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ def speed_of(share: Tensor) -> Tensor:
 def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) -> Tensor:
     """Violation (n,) [m] of the segments that actions encode.
 
-    The sum of what is missing, at sampled points, to a clearance along the segment and just behind
-    its end, to a length within the limits and to a derivative that does not vanish.
+    The sum of the shortfalls at sample points: in clearance along the segment and just ahead of its
+    end, in length beyond its limits, and in speed below a minimum.
 
     Args:
         actions: (n, 4).

@@ -49,7 +49,7 @@ def test_every_solver_has_a_row_for_every_window(
     [
         ([*BENCH[:-1], "nowhere"], "unknown field 'nowhere'"),
         ([*BENCH[:-1], "sparse/train:3-1"], "empty range"),
-        ([*BENCH, "--windows", "0"], "from 1 on"),
+        ([*BENCH, "--windows", "0"], "an integer >= 1"),
         ([*BENCH, "--ipopt-every", "-1"], "--ipopt-every"),
         (["bench", "kites"], "invalid choice: 'kites'"),
     ],

@@ -37,7 +37,7 @@ def test_without_minari_it_says_what_to_install(
         ({"--expert": "nobody"}, "unknown policy 'nobody'"),
         ({"--expert": "guided+margin=-1"}, "a margin must be above 0 m and finite, got -1 m"),
         ({"--fields": "sparse/exam:0"}, "unknown split 'exam'"),
-        ({"--rays": "0"}, "need a whole number from 1 on"),
+        ({"--rays": "0"}, "need an integer >= 1"),
         ({"--nearest": "10001"}, "need nearest from 1 to 10000, got 10001"),
         ({"--out": "some"}, "a dataset's id is NAME-vN or NAMESPACE/NAME-vN"),
         ({"--out": "../some-v0"}, "a dataset's id is NAME-vN or NAMESPACE/NAME-vN"),

@@ -235,7 +235,7 @@ def test_bad_fields_are_one_line_and_status_two(
         ),
         (
             ["evaluate", "--policy", "single-start", "--fields", "paper:1", "--workers", "0"],
-            "from 1 on",
+            "an integer >= 1",
         ),
         (
             ["evaluate", *["--policy", "single-start"] * 2, "--fields", "paper:1"],

@@ -187,9 +187,9 @@ def test_an_animation_of_an_agent_is_refused(
 ) -> None:
     out = tmp_path / "flight.gif"
     assert main(["animate", "paper:1", "--policy", str(model), "--out", str(out)]) == 2
-    assert "an animation shows how a planner decides, and" in capsys.readouterr().err
+    assert "only planners can be animated, and" in capsys.readouterr().err
     assert main(["plan", "paper:1", "--planner", str(model)]) == 2
-    assert "is an agent, which plans nothing" in capsys.readouterr().err
+    assert "is an agent, not a planner" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -195,5 +195,5 @@ def test_algorithms_that_take_no_mixture_say_so(algorithm: str) -> None:
 
 @pytest.mark.parametrize("components", [0, -1, 1.5])
 def test_invalid_numbers_of_components_are_refused(components: Any) -> None:
-    with pytest.raises(ValueError, match="components must be a whole number from 1 on, got"):
+    with pytest.raises(ValueError, match="components must be an integer >= 1, got"):
         torch_model.build(card_of(components))

@@ -141,7 +141,7 @@ def test_calls_in_flight_are_bounded_and_failures_are_distinguished(
             ["--backend", "dask", "--address", "a:1", "--workers", "2"],
             "--workers 2 is for processes on this machine",
         ),
-        (["--batch", "0"], "need a whole number from 1 on"),
+        (["--batch", "0"], "need an integer >= 1"),
     ],
 )
 def test_contradictory_arguments_are_reported_in_one_line(

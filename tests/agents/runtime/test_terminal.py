@@ -237,4 +237,4 @@ def test_tables_of_an_evaluation_fit_and_show_failures(width: int, tmp_path: Pat
         assert cell in text, cell
     flat = " ".join(text.split())
     assert "[red]late failed 20 of 40: 20 x cut into an obstacle" in flat
-    assert f"{name} is stopped by a clock: its flights do not repeat" in flat
+    assert f"{name} has a time limit, so its flights are not exactly" in flat

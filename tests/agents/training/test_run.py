@@ -123,7 +123,7 @@ def test_a_training_writes_a_model_its_card_and_its_curve(
     # the same command has nothing left to do
     before = {path: path.stat().st_mtime_ns for path in out.rglob("*")}
     assert main(command(algorithm, "--seed", "3")) == 0
-    assert "holds this training, finished; --fresh starts over" in capsys.readouterr().err
+    assert "is already finished; --fresh starts over" in capsys.readouterr().err
     assert {path: path.stat().st_mtime_ns for path in out.rglob("*")} == before
 
 
@@ -357,7 +357,7 @@ def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
         ([], {"wings": 2}, "unknown keys 'wings'; known are n_envs"),
         ([], {"batch_size": 0.5}, "ppo refuses these hyperparameters"),
         ([], {"learning_rate": "lin_fast"}, "need a number after lin_, got 'lin_fast'"),
-        ([], {"n_envs": 0}, "n_envs must be a whole number from 1 on, got 0"),
+        ([], {"n_envs": 0}, "n_envs must be an integer >= 1, got 0"),
         ([], {"policy": "oracle"}, "unknown policy 'oracle'; policies are mlp"),
         ([], {"policy_kwargs": {"depth": 3}}, "unexpected keyword argument 'depth'"),
         ([], {"policy_kwargs": [8]}, "policy_kwargs must have keys and values, got [8]"),
@@ -365,8 +365,8 @@ def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
         ([], {"env_kwargs": {"segments": 9}}, "leave `gate` and `segments` out"),
         ([], {"gamma": float("nan")}, "gamma must be a finite number, a word or a list, got nan"),
         (["--from", "nowhere"], {}, "--from nowhere: no such model"),
-        (["--demos", "a/b-v0"], {}, "--demos is of no use to ppo; sac, td3, tqc"),
-        (["--minutes", "0"], {}, "need minutes, a number above 0, got '0'"),
+        (["--demos", "a/b-v0"], {}, "ppo cannot use --demos; sac, td3, tqc"),
+        (["--minutes", "0"], {}, "need a positive number of minutes, got '0'"),
         (["--choose-on", "standard/moon:1"], {}, "moon"),
     ],
 )
@@ -392,7 +392,7 @@ def test_a_model_with_other_networks_is_refused_as_a_start(
     assert main(command("sac", "--from", str(start))) == 2
     assert "sac cannot start from a model of ppo" in capsys.readouterr().err
     assert main(["train", "ppo", "--out", str(start), "--from", str(start)]) == 2
-    assert "lies in --out" in capsys.readouterr().err
+    assert "is inside --out" in capsys.readouterr().err
     assert main(["train", "luck", "--out", str(tmp_path / "out")]) == 2
     assert (
         "invalid choice: 'luck'; choose from ppo, sac, td3, tqc, bc, dagger"

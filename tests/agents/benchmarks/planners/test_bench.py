@@ -171,8 +171,8 @@ def leaves_out_or_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         ([*BENCH, "--fields", "sparse/train:1"], "field sparse/train:1 is given twice"),
         ([*BENCH, "--planner", "kite"], "unknown planner 'kite'"),
         ([*BENCH, "--planner", "shortest", "--planner", "shortest"], "shortest is given twice"),
-        ([*BENCH, "--seconds", "0"], "need seconds, a number above 0"),
-        ([*BENCH, "--workers", "0"], "from 1 on"),
+        ([*BENCH, "--seconds", "0"], "need a positive number of seconds"),
+        ([*BENCH, "--workers", "0"], "an integer >= 1"),
         ([*BENCH, "--solvers"], "--solvers"),
     ],
 )

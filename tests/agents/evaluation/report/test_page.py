@@ -93,7 +93,7 @@ def test_beyond_the_budget_a_report_says_what_it_left_out(tmp_path: Path) -> Non
     shown = len(browser["scenes"])
     assert 10 < shown < 200
     assert len(json.dumps(browser, separators=(",", ":"))) < 30_000
-    assert f"{shown} of 400 fields and seeds: 1 of the 1 with failures" in browser["note"]
+    assert f"{shown} of 400 pairs of field and seed: 1 of the 1 with failures" in browser["note"]
     names = [browser["fields"][scene["field"]]["name"] for scene in browser["scenes"]]
     assert names[:4] == ["x7", "x399", "x398", "x397"]
 
@@ -210,12 +210,12 @@ def test_policies_have_the_colours_that_they_have_in_the_picture() -> None:
 @pytest.mark.parametrize(
     ("lengths", "title", "sentence"),
     [
-        ({}, "No flights", "This evaluation holds no flights."),
+        ({}, "No flights", "This evaluation contains no flights."),
         ({"a": {"x": [None]}}, "1 policy on 1 field", "a has an SPL of 0.0000."),
         (
             {"a": {"x": [150.0], "y": [155.0]}, "b": {"x": [190.0], "y": [195.0]}},
             "2 policies on 2 fields",
-            "It leads every other policy (paired 95 % intervals).",
+            "It is significantly better than every other policy (paired 95 % intervals).",
         ),
         (
             {"a": {"x": [150, 160], "y": [160, 149.5]}, "b": {"x": [160, 150], "y": [150, 160]}},
@@ -259,7 +259,7 @@ def test_the_summary_tells_how_results_were_made_and_times_of_all_decisions(thre
     assert not any(key.startswith("statistics") for key in data["provenance"])
     times = [one.get("decision_seconds_99") for one in data["statistics"]["policies"]]
     assert times == [None, 0.25, None]
-    assert "do not repeat exactly: once." in " ".join(data["headline"]["sentences"])
+    assert "are not exactly reproducible: once." in " ".join(data["headline"]["sentences"])
     assert "With so few fields (4)" in " ".join(data["headline"]["sentences"])
     for wrong in ("{", "[]"):
         (three / "summary.json").write_text(wrong)

@@ -47,7 +47,7 @@ def test_dagger_writes_a_model_its_card_and_its_curve(
     assert "SPL" in capsys.readouterr().out
     # the same command has nothing left to do
     assert main(command("dagger", "--seed", "3")) == 0
-    assert "holds this training, finished" in capsys.readouterr().err
+    assert "is already finished" in capsys.readouterr().err
 
 
 def test_the_losses_of_dagger_decrease(command: Command, tmp_path: Path) -> None:
@@ -162,10 +162,10 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
             "expert 'astar' plans its whole path at once",
         ),
         ("dagger", [], {"expert": "pursuit+wings"}, "unknown option 'wings' of planner 'pursuit'"),
-        ("dagger", [], {"updates": 0}, "updates must be a whole number from 1 on, got 0"),
-        ("dagger", [], {"updates": True}, "updates must be a whole number from 1 on, got True"),
-        ("dagger", [], {"first": 1.5}, "first must be a whole number from 1 on, got 1.5"),
-        ("dagger", [], {"batch_size": "all"}, "batch_size must be a whole number from 1 on, got"),
+        ("dagger", [], {"updates": 0}, "updates must be an integer >= 1, got 0"),
+        ("dagger", [], {"updates": True}, "updates must be an integer >= 1, got True"),
+        ("dagger", [], {"first": 1.5}, "first must be an integer >= 1, got 1.5"),
+        ("dagger", [], {"batch_size": "all"}, "batch_size must be an integer >= 1, got"),
         ("dagger", [], {"scattered": 1.1}, "scattered must lie between 0 and 1, got 1.1"),
         ("dagger", [], {"scattered": True}, "scattered must lie between 0 and 1, got True"),
         ("dagger", [], {"hard": -0.1}, "hard must lie between 0 and 1, got -0.1"),
@@ -174,7 +174,7 @@ def test_a_fresh_process_flies_the_model_identically(command: Command, tmp_path:
         ("dagger", [], {"learning_rate": "lin_2"}, "learning_rate must lie between 0 and 1, got"),
         ("dagger", [], {"gamma": 0.9}, "unknown keys 'gamma'; known are n_envs"),
         ("dagger", ["--seed", str(2**32)], {}, "dagger takes seeds up to 4294967295, got"),
-        ("dagger", [], {"policy_kwargs": {"components": 0}}, "components must be a whole number"),
+        ("dagger", [], {"policy_kwargs": {"components": 0}}, "components must be an integer"),
         (
             "dagger",
             [],
