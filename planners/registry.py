@@ -8,7 +8,9 @@ from typing import Any
 
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
-from planners.interface import Iterations, Planner, Replanner, Router
+from ferguson_gym.world import Field
+from ferguson_gym.world.field_names import as_field
+from planners.interface import Iterations, Plan, Planner, Replanner, Router, initial_state
 from planners.optimization import MultiStart, Proposer
 from planners.receding_horizon import Guided, Pursuit, RecedingHorizon
 from planners.whole_path.astar import AStar
@@ -206,6 +208,32 @@ def make(name: str) -> Planner:
         'found a feasible path to the goal'
     """
     return PlannerSpec.parse(name).make()
+
+
+def plan(field: Field | str, planner: Planner | str = "guided", seed: int = 0) -> Plan:
+    """Plan a field from its start.
+
+    Args:
+        field: a planar field, or the name of one, for example a JSON file.
+        planner: a planner, or the name of one with its options.
+        seed: of the planner's random numbers.
+
+    Returns:
+        The plan; its `path` is None if no path to the goal was found.
+
+    Raises:
+        ValueError: the field or the planner is unknown, or as `make` and `Planner.plan`.
+        OSError: the field's file cannot be read.
+
+    Example:
+        >>> found = plan("paper:2", "shortest")
+        >>> found.path.sample(number=3).position.round().tolist()
+        [[0.0, 0.0], [58.0, 43.0], [100.0, 100.0]]
+    """
+    field = as_field(field)
+    return (make(planner) if isinstance(planner, str) else planner).plan(
+        field, initial_state(field), seed
+    )
 
 
 def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:

@@ -154,6 +154,11 @@ def metres(text: str) -> float:
         raise argparse.ArgumentTypeError(f"need a number of metres, got {text!r}") from None
 
 
+def spacing(text: str) -> float:
+    """A positive number of metres."""
+    return _above_zero(text, "metres")
+
+
 def _above_zero(text: str, what: str) -> float:
     try:
         number = float(text)

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from agents.cli import shared_options as shared
-from agents.cli.arguments import Parser, metres
+from agents.cli.arguments import Parser, metres, spacing
 from agents.cli.completion import FILE, POLICY
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.jobs import DONE, Job
@@ -14,6 +14,8 @@ from agents.runtime.terminal import Terminal
 from ferguson_gym.world import get_field, initial_state
 
 NO_PATH = 1
+SPACING = 0.5
+"""Default distance between the points of `--out` [m]."""
 HELP = "plan a path through one field"
 DESCRIPTION = """\
 Plan a path through one field; print its length, clearance and smallest turn radius, and the
@@ -24,7 +26,8 @@ examples:
   ferguson plan my_field.json --planner shortest
   ferguson plan traps/train:1 --planner guided --sensing-range 20
   ferguson plan standard/test:3 --planner multi-start --start-from best
-  ferguson plan paper:1 --planner guided --json"""
+  ferguson plan paper:1 --planner guided --json
+  ferguson plan my_field.json --planner guided --out path.csv --spacing 1"""
 
 
 def add_to(plan: Parser) -> None:
@@ -61,6 +64,19 @@ def add_to(plan: Parser) -> None:
     shared.add_json(plan, "print only one JSON object")
     plot_help = "draw the plan (png, pdf, svg)"
     plan.add_argument("--plot", type=Path, metavar="FILE", help=plot_help, complete=FILE)
+    plan.add_argument(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write the path as points at even distances, with heading and curvature (csv, json)",
+        complete=FILE,
+    )
+    plan.add_argument(
+        "--spacing",
+        type=spacing,
+        metavar="METRES",
+        help=f"upper limit of the distance between the points of --out; default: {SPACING:g}",
+    )
     shared.add_output_options(plan)
     plan.set_defaults(prepare=prepare)
 
@@ -69,15 +85,18 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """Check the input before planning.
 
     Raises:
-        ValueError: the planner, the field or the picture's file is not valid.
+        ValueError: the planner, the field or a file to write is not valid.
     """
     from agents.cli import plan_report
     from agents.cli.compile_notice import announce_compilation
+    from agents.flights.path_file import SUFFIXES
     from agents.models import shipped_agents
     from agents.plots.flight_grid import check_target
     from agents.policies import PolicySpec
     from agents.policies.registry import make_planner
     from agents.policies.warm_up import warm
+    from ferguson_gym.curves.sampling import MOST
+    from ferguson_gym.world import PAPER_LIMITS
 
     agents = PolicySpec.parse(options.planner).agents
     if any(shipped_agents.find_agent(agent) for agent in agents):
@@ -97,6 +116,17 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     initial_state(field)  # raises if no flight can begin
     if options.plot is not None:
         check_target(options.plot)
+    distance = SPACING if options.spacing is None else options.spacing
+    if options.out is not None:
+        check_target(options.out, "path", SUFFIXES)
+        longest = PAPER_LIMITS.segments * PAPER_LIMITS.longest
+        if distance * (MOST - 1) < longest:
+            raise ValueError(
+                f"--spacing {distance:g} may give more than {MOST} points; from "
+                f"{longest / (MOST - 1):.2g} m on it does not"
+            )
+    elif options.spacing is not None:
+        raise ValueError(f"--spacing {distance:g} is for --out FILE, which is missing")
 
     def job() -> int:
         with announce_compilation(terminal):
@@ -110,6 +140,13 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         if options.plot is not None:
             report.draw(options.plot)
             terminal.note(f"wrote {options.plot}")
+        if options.out is not None:
+            points = report.write_path(options.out, distance)
+            terminal.note(
+                f"wrote {points} points to {options.out}"
+                if points
+                else f"no path, so nothing is written to {options.out}"
+            )
         return DONE if report.plan.success else NO_PATH
 
     return job

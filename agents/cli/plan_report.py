@@ -13,6 +13,7 @@ from rich.table import Table
 
 from agents.flights import Flight
 from agents.flights.metrics import finite
+from agents.flights.path_file import write_path
 from agents.plots.flight_grid import draw_flights
 from agents.runtime import terminal_tables
 from ferguson_gym.shortest_paths import gap
@@ -99,6 +100,20 @@ class Report:
     def draw(self, path: Path) -> None:
         """Draw the plan into a file."""
         draw_flights([self.flight], path)
+
+    def write_path(self, file: Path, spacing: float) -> int:
+        """Write points of the path into a file; returns their number, 0 if there is no path.
+
+        Raises:
+            ValueError: the spacing [m] is too small for the path.
+            OSError: the file cannot be written.
+        """
+        path = self.plan.path
+        if path is None:
+            return 0
+        samples = path.sample(spacing=spacing)
+        write_path(path, samples, file)
+        return len(samples)
 
 
 def _clearance(plan: Plan, field: Field) -> float:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path as FilePath
+from typing import Any
 
 import numpy as np
 
-from ferguson_gym.curves import splines
+from ferguson_gym.curves import sampling, splines
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array, frozen
 from ferguson_gym.runtime.atomic_files import atomic_write
@@ -73,6 +76,58 @@ class Path:
         t = np.linspace(0.0, 1.0, per_segment + 1)
         inner = splines.evaluate(self.control, t[:-1]).reshape(-1, self.control.shape[-1])
         return np.vstack([inner, self.control[-1, 1]])
+
+    def sample(
+        self, *, spacing: float | None = None, number: int | None = None
+    ) -> sampling.PathSamples:
+        """Points at even distances along the path, both of its ends included.
+
+        Args:
+            spacing: upper limit of the arc length between neighbours [m].
+            number: number of points, at least 2; give either this or `spacing`.
+
+        Returns:
+            Arrays of distance along the path, position, direction or heading, and curvature.
+
+        Raises:
+            ValueError: both arguments or neither, a spacing that is not positive and finite, fewer
+                than 2 or more than `sampling.MOST` points, or a path of length zero.
+
+        Example:
+            >>> line = Path([[[0, 0], [9, 0], [9, 0], [9, 0]]])
+            >>> line.sample(spacing=3.0).position.round(9).tolist()
+            [[0.0, 0.0], [3.0, 0.0], [6.0, 0.0], [9.0, 0.0]]
+        """
+        if (spacing is None) == (number is None):
+            raise ValueError("give either spacing in metres or number of points")
+        if number is not None:
+            return sampling.sample(self.control, number)
+        assert spacing is not None
+        if not 0.0 < spacing < math.inf:
+            raise ValueError(f"spacing must be above 0 m and finite, got {spacing}")
+        # rounding of the length adds no point
+        steps = self.length * (1.0 - _JOINT) / spacing
+        if not steps <= sampling.MOST - 1:
+            raise ValueError(
+                f"a spacing of {spacing:g} m gives more than {sampling.MOST} points on a path of "
+                f"{self.length:g} m"
+            )
+        return sampling.sample(self.control, max(2, math.ceil(steps) + 1))
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw the path on matplotlib axes.
+
+        Args:
+            axes: where it is drawn; None: pyplot's current axes.
+
+        Returns:
+            The axes.
+
+        Raises:
+            ValueError: a path that is not planar.
+        """
+        # by name: the curves know no matplotlib, which is loaded when something is drawn
+        return import_module("ferguson_gym.rendering").plot_path(self, axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path as JSON; loading it gives the same numbers, bit for bit."""

@@ -55,25 +55,26 @@ def _generic(control: GenericArray) -> GenericArray:
 
 
 def basis(t: ArrayLike, order: int = 0) -> Array:
-    """Weights of the four control rows in the `order`-th derivative at t: (n, 4).
+    """Weights of the four control rows in the `order`-th derivative at t: (n, 4), or (4,).
 
     Args:
-        t: (n,) parameter in [0, 1].
+        t: (n,) parameters in [0, 1], or one number.
         order: 0 for the point, 1 for the derivative, and so on.
 
     Raises:
         ValueError: parameters of another shape or outside [0, 1], or no such derivative.
     """
-    t = finite("t", t, (None,))
+    t = real("t", t)
+    t = finite("t", t, (None,) if t.ndim else ())
     if t.size and not (t.min() >= 0.0 and t.max() <= 1.0):
         raise ValueError(f"parameters lie in [0, 1], got {t[(t < 0.0) | (t > 1.0)][0]}")
     if not isinstance(order, (int, np.integer)) or order < 0:
         given = truncate_repr(order)
         raise ValueError(f"a derivative's order is a whole number from 0 on, got {given}")
-    powers = np.zeros((len(t), 4))
+    powers = np.zeros((*t.shape, 4))
     for power in range(order, 4):
         factor = float(np.prod(np.arange(power, power - order, -1)))
-        powers[:, power] = factor * t ** (power - order)
+        powers[..., power] = factor * t ** (power - order)
     return powers @ _POWER_BASIS
 
 
@@ -82,10 +83,10 @@ def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
 
     Args:
         control: (*batch, 4, D) rows start, end [m]; derivatives there [m per unit t].
-        t: (n,) parameter in [0, 1].
+        t: (n,) parameters in [0, 1], or one number.
 
     Returns:
-        (*batch, n, D) points [m].
+        (*batch, n, D) points [m]; (*batch, D) for one number.
 
     Raises:
         ValueError: a control array of another shape or not finite; parameters outside [0, 1].
@@ -97,6 +98,8 @@ def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
         >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
         >>> evaluate(bend, [0.0, 0.5, 1.0]).tolist()
         [[0.0, 0.0], [4.5, 0.75], [9.0, 3.0]]
+        >>> evaluate(bend, 0.5).tolist()
+        [4.5, 0.75]
     """
     points: GenericArray = basis(t) @ _generic(control)
     return points
@@ -104,6 +107,8 @@ def evaluate(control: GenericArray, t: ArrayLike) -> GenericArray:
 
 def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericArray:
     """The `order`-th derivative with respect to t: (*batch, n, D) [m per unit t^order].
+
+    At one number t it is (*batch, D).
 
     Raises:
         ValueError: as `evaluate`, or no such derivative.
@@ -117,7 +122,10 @@ def derivative(control: GenericArray, t: ArrayLike, order: int = 1) -> GenericAr
 
 
 def curvature(control: ArrayLike, t: ArrayLike) -> Array:
-    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes."""
+    """Unsigned curvature [1/m] at t: (*batch, n); infinite where the derivative vanishes.
+
+    At one number t it is (*batch,).
+    """
     control = as_control(control)
     first, second = derivative(control, t, 1), derivative(control, t, 2)
     speed2 = np.sum(first * first, axis=-1)

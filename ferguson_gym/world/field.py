@@ -7,6 +7,7 @@ import json
 import os
 import warnings
 from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -104,6 +105,21 @@ class Field:
     def distance(self) -> float:
         """Straight distance from start to goal [m]."""
         return float(np.linalg.norm(self.goal - self.start))
+
+    def plot(self, axes: Any = None) -> Any:
+        """Draw obstacles, start, goal and bounds on matplotlib axes.
+
+        Args:
+            axes: where they are drawn; None: pyplot's current axes.
+
+        Returns:
+            The axes.
+
+        Raises:
+            ValueError: a field that is not planar.
+        """
+        # by name: the world knows no matplotlib, which is loaded when something is drawn
+        return import_module("ferguson_gym.rendering").plot_field(self, axes)
 
 
 def _point(point: ArrayLike) -> str:

@@ -121,7 +121,5 @@ def as_field(given: object) -> Field:
     """
     field = get_field(given) if isinstance(given, str) else given
     if not isinstance(field, Field):
-        raise ValueError(
-            f"options['field'] must be a Field or the name of one, got {type(given).__name__}"
-        )
+        raise ValueError(f"a field must be a Field or the name of one, got {type(given).__name__}")
     return field

@@ -10,7 +10,7 @@ import ferguson_gym
 
 NAMES = {
     "": ("ObstacleField VectorObstacleField Field Obstacles Limits Outcome get_field get_fields"),
-    ".curves": "evaluate derivative length clearance Path",
+    ".curves": "evaluate derivative length clearance Path PathSamples",
     ".shortest_paths": "shortest_path exact_length gap DistanceToGoal",
 }
 

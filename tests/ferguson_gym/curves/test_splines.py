@@ -57,6 +57,18 @@ def test_every_cubic_polynomial_is_reproduced_with_its_derivatives(coefficients)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-11)
 
 
+@pytest.mark.parametrize("batch", [(), (3,), (2, 3)])
+@pytest.mark.parametrize("t", [0, 0.25, np.float64(1.0), np.array(0.5)])
+def test_one_parameter_gives_one_point_of_each_segment(batch, t):
+    control = np.random.default_rng(1).normal(size=(*batch, 4, 2))
+    for function in (evaluate, derivative, curvature):
+        expected = function(control, [float(t)])
+        axis = -1 if function is curvature else -2
+        found = function(control, t)
+        assert found.shape == (*batch, *(() if function is curvature else (2,)))
+        np.testing.assert_allclose(found, expected.take(0, axis), rtol=1e-14, atol=1e-14)
+
+
 def test_batches_of_any_shape_are_evaluated_one_by_one():
     control = random_segments(6, 3).reshape(2, 3, 4, 3)
     points, slopes = evaluate(control, T), derivative(control, T)
@@ -284,7 +296,9 @@ def test_invalid_control_arrays_are_refused_by_every_function(ask, control, mess
 @pytest.mark.parametrize(
     ("t", "order", "message"),
     [
-        (0.5, 1, r"t must have shape \(n,\), got \(\)"),
+        ([[0.5]], 1, r"t must have shape \(n,\), got \(1, 1\)"),
+        (1.5, 1, r"parameters lie in \[0, 1\], got 1\.5"),
+        (np.nan, 1, "t must be finite, got nan"),
         ([0.5, 1.5], 1, r"parameters lie in \[0, 1\], got 1\.5"),
         ([np.nan], 1, "t must be finite, got nan"),
         (None, 1, "t must be an array of numbers, got None"),

@@ -1,0 +1,79 @@
+"""`ferguson plan`: the path as a file, and what a plan is compared with."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.cli.main import main
+from ferguson_gym.curves import Path as Curve
+
+PLAN = ["plan", "sparse/train:0", "--planner", "shortest"]
+
+
+def test_a_path_is_written_as_csv_and_as_json(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table, document = tmp_path / "path.csv", tmp_path / "path.JSON"
+    assert main([*PLAN, "--out", str(table), "--spacing", "2.5", "--json"]) == 0
+    out, err = capsys.readouterr()
+    report = json.loads(out)
+    with table.open(newline="", encoding="utf-8") as file:
+        header, *rows = csv.reader(file)
+    assert header == ["distance", "x", "y", "heading", "curvature"]
+    assert err == f"wrote {len(rows)} points to {table}\n"
+    path = Curve(report["control"])
+    samples = path.sample(spacing=2.5)
+    columns = np.column_stack(
+        [samples.distance, samples.position, samples.heading, samples.curvature]
+    )
+    np.testing.assert_array_equal(np.array(rows, dtype=np.float64), columns)
+    np.testing.assert_array_equal(columns[[0, -1], 1:3], [[0.0, 0.0], [100.0, 100.0]])
+    assert np.diff(columns[:, 0]).max() <= 2.5
+
+    assert main([*PLAN, "--out", str(document)]) == 0
+    data = json.loads(document.read_text(encoding="utf-8"))
+    assert list(data) == [*header, "control"]
+    np.testing.assert_array_equal(data["x"], path.sample(spacing=0.5).position[:, 0])
+    np.testing.assert_array_equal(Curve.load(document).control, path.control)
+
+
+def test_without_a_path_nothing_is_written(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    wall, out = tmp_path / "wall.json", tmp_path / "path.csv"
+    wall.write_text(
+        json.dumps({"centers": [[50, y] for y in range(-10, 111, 5)], "radii": [4] * 25})
+    )
+    out.write_text("older")
+    assert main(["plan", str(wall), "--planner", "shortest", "--out", str(out)]) == 1
+    assert capsys.readouterr().err == f"no path, so nothing is written to {out}\n"
+    assert out.read_text() == "older"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--out", "path.txt"], "paths are written as .csv, .json, not 'path.txt'"),
+        (["--out", "nowhere/path.csv"], "no such directory for the path: nowhere"),
+        (["--spacing", "2"], "--spacing 2 is for --out FILE, which is missing"),
+        (["--out", "path.csv", "--spacing", "1e-9"], "may give more than 1000000 points; from"),
+        (["--out", "path.csv", "--spacing", "0"], "need metres, a number above 0, got '0'"),
+    ],
+)
+def test_files_that_cannot_be_written_are_refused_before_planning(
+    options: list[str],
+    message: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main([*PLAN, *options]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert message in err
+    assert err.count("\n") == 1
+    assert not list(tmp_path.iterdir())
