@@ -23,7 +23,7 @@ def test_a_path_is_written_as_csv_and_as_json(
     with table.open(newline="", encoding="utf-8") as file:
         header, *rows = csv.reader(file)
     assert header == ["distance", "x", "y", "heading", "curvature"]
-    assert err == f"wrote {len(rows)} points to {table}\n"
+    assert err.endswith(f"wrote {len(rows)} points to {table}\n")
     path = Curve(report["control"])
     samples = path.sample(spacing=2.5)
     columns = np.column_stack(
@@ -49,7 +49,7 @@ def test_without_a_path_nothing_is_written(
     )
     out.write_text("older")
     assert main(["plan", str(wall), "--planner", "shortest", "--out", str(out)]) == 1
-    assert capsys.readouterr().err == f"no path, so nothing is written to {out}\n"
+    assert capsys.readouterr().err.endswith(f"no path, so nothing is written to {out}\n")
     assert out.read_text() == "older"
 
 
@@ -60,7 +60,7 @@ def test_without_a_path_nothing_is_written(
         (["--out", "nowhere/path.csv"], "no such directory for the path: nowhere"),
         (["--spacing", "2"], "--spacing 2 is for --out FILE, which is missing"),
         (["--out", "path.csv", "--spacing", "1e-9"], "may give more than 1000000 points; from"),
-        (["--out", "path.csv", "--spacing", "0"], "need metres, a number above 0, got '0'"),
+        (["--out", "path.csv", "--spacing", "0"], "need a positive number of metres, got '0'"),
     ],
 )
 def test_files_that_cannot_be_written_are_refused_before_planning(
