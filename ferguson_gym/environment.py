@@ -32,18 +32,17 @@ RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 
 
 class ObstacleField(gym.Env[Observation, Action]):
-    """Fly from (0, 0) to (100, 100) through random discs, one smooth segment at a time.
+    """Fly from (0, 0) to (100, 100) around random discs, one smooth segment at a time.
 
     ## Description
-    A vehicle flies in the plane along Ferguson (cubic Hermite) segments that join with one
-    tangent. Each action is a segment; an episode is a flight. Every segment is certified
-    along its whole length, not sampled. After the paper Receding Horizon UAV Path Planning Via
+    A vehicle flies in the plane along Ferguson (cubic Hermite) segments that join with equal
+    derivatives. Each action is a segment; an episode is a flight. Every segment is certified along
+    its whole length, not sampled. After the paper Receding Horizon UAV Path Planning Via
     Gradient-Based Optimization of Ferguson Splines (2015).
 
     ## Action space
-    `Box(-1, 1, (4,), float32)`, in the frame turned with the vehicle. Zero flies 9 m
-    straight ahead. Every feasible segment has exactly one action
-    (`ferguson_gym.world.actions.encode`).
+    `Box(-1, 1, (4,), float32)`, in the body frame. Zero flies 9 m straight ahead. Every feasible
+    segment has exactly one action (`ferguson_gym.world.actions.encode`).
 
     | entry | meaning | -1 | 0 | +1 |
     | --- | --- | --- | --- | --- |
@@ -52,10 +51,11 @@ class ObstacleField(gym.Env[Observation, Action]):
     | 2 | end derivative, along its first axis | -66 m | 9 m | 66 m |
     | 3 | end derivative, along its second axis | -66 m | 0 m | 66 m |
 
-    Entries 0 and 1 act together: the end point is 15.001 m (q + z) / (1 + q z) with
-    z = a[0] + i a[1] and q = 9 / 15.001, the real axis forward. The axes of the end derivative
-    are turned by 2 y / 9 m for an end point y to the left, so that end points alone fly arcs.
-    An end point within the gate of the goal is moved onto the goal.
+    Entries 0 and 1 together set the end point, by a Möbius map of the unit disc: it is
+    `15.001 m (q + z) / (1 + q z)` with `z = a[0] + i a[1]` and `q = 9 / 15.001`, the real axis
+    forward. The frame of the end derivative is rotated by 2 y / 9 rad, with y the lateral offset
+    [m] of the end point to the left. With entries 2 and 3 at zero, a segment therefore approximates
+    a circular arc. An end point within the gate of the goal is moved onto the goal.
 
     ## Observation space
     `Dict` of vectors, float32, all in [-1, 1]. Lengths are divided by `view` unless said otherwise,
@@ -63,11 +63,11 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
-    | vehicle | 6 | position within the bounds, x and y | -1..1 |
+    | vehicle | 6 | position, x and y, the bounds scaled to -1..1 | -1..1 |
     | | | heading, cosine and sine | -1..1 |
-    | | | speed v as actions scale it, asinh(v sinh(4) / 66 m) / 4 | 0..1 |
-    | | | segments left, part of all | 0..1 |
-    | goal | 3 | distance, part of the bounds' diagonal | 0..1 |
+    | | | speed v, scaled as in the action: asinh(v sinh(4) / 66 m) / 4 | 0..1 |
+    | | | fraction of segments left | 0..1 |
+    | goal | 3 | distance / diagonal of the bounds | 0..1 |
     | | | direction, forward and to the left, a unit vector | -1..1 |
 
     Obstacles are observed as a lidar would measure them with `observation="rays"` (the default), as
@@ -75,10 +75,10 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
-    | rays | `rays` | range to an obstacle or bound, forward first, then to the left | 0..1 |
+    | rays | `rays` | range to an obstacle or bound, counter-clockwise from straight ahead | 0..1 |
     | obstacles | 4 `nearest` | rows of four, nearest first: centre, forward and left | -1..1 |
     | | | radius | 0..1 |
-    | | | distance from the surface | -1..1 |
+    | | | distance from the vehicle to the disc's surface | -1..1 |
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
 
     The obstacles are those whose surface is within `view` of the point `focus` metres ahead of the
@@ -87,23 +87,23 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     ## Reward
     `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
-    distance to the goal, length the segment's arc length and D the straight distance from
-    start to goal (141.42 m); less `failure` when the flight ends anywhere but on the goal.
-    Progress telescopes and no segment is shorter than its progress, so circling never pays. A
-    successful flight of L metres returns 1 - detour (L / D - 1). With the default penalties,
-    `detour` 4 and `failure` 2, and the usual start and goal, a step's reward lies between -2.96
-    (a longest segment straight back that is the last one) and 0.107 (the same straight to the
-    goal).
+    distance to the goal, length the segment's arc length and D the straight distance from start to
+    goal (141.42 m); minus `failure` if the flight ends without reaching the goal, also by
+    truncation. The progress of all segments sums to at most D, and no segment is shorter than its
+    progress, so loops are never rewarded. A successful flight of L metres returns 1 - detour (L / D
+    - 1). With the default penalties, `detour` 4 and `failure` 2, and the usual start and goal, a
+    step's reward lies between -2.96 (a 15 m segment straight away from the goal that exhausts the
+    limit of segments) and 0.107 (15 m straight to the goal).
 
     ## Starting state
-    (0, 0), with a derivative of 5 m per unit t towards the goal. `reset(seed=s)` flies the
-    field `SUITE/SPLIT:s`; later resets draw seeds below `fields` from `np_random`;
-    `reset(options={"field": field})` flies a given field, a `Field` or its name.
+    (0, 0), with a derivative of 5 m per unit t towards the goal. `reset(seed=s)` starts in the
+    field `SUITE/SPLIT:s`; a later `reset()` without a seed draws s below `fields` with `np_random`;
+    `reset(options={"field": field})` starts in a given field, a `Field` or its name.
 
     ## Termination
-    The flight ends on the goal; or its segment is refused: it cuts into an obstacle, is
-    longer than 15 m or shorter than 3 m, has a derivative below 0.1 m per unit t somewhere, or
-    leaves the bounds (-10, 110). A refused segment is not flown: the state stays.
+    The flight ends on the goal, or with an infeasible segment: one that collides with an obstacle,
+    is longer than 15 m or shorter than 3 m, has a derivative below 0.1 m per unit t somewhere, or
+    leaves the bounds (-10, 110). An infeasible segment is not flown, so the state does not change.
 
     ## Truncation
     After `segments` segments, which `env.spec.max_episode_steps` repeats.
@@ -129,8 +129,8 @@ class ObstacleField(gym.Env[Observation, Action]):
     a notebook, mode human shows a flight as one picture that is updated in place.
 
     ## Arguments
-    All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. Only many
-    environments need a `capacity`; a single one makes room for the field that it is given.
+    All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. `capacity`
+    matters only for vector environments; the scalar environment reallocates as needed.
 
     | argument | default | meaning |
     | --- | --- | --- |
@@ -138,12 +138,12 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `split` | train | or validation, test |
     | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1 |
     | `obstacles` | None | number of obstacles, instead of the suite's |
-    | `radii` | None | their (least, greatest) radius [m], instead of the suite's |
+    | `radii` | None | their (minimum, maximum) radius [m], instead of the suite's |
     | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
     | `segments` | 40 | maximum number of segments of a flight |
     | `observation` | rays | or discs, or both |
     | `nearest` | 12 | number of obstacles observed |
-    | `focus` | 0.0 | distance ahead [m] of the point to which they are nearest |
+    | `focus` | 0.0 | distance ahead of the vehicle [m] of the point to which they are nearest |
     | `rays` | 64 | number of rays, at equal angles |
     | `view` | 30.0 | range of observation [m], by which lengths are divided |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
@@ -240,7 +240,7 @@ class ObstacleField(gym.Env[Observation, Action]):
         Raises:
             TypeError: obstacles other than discs.
             ValueError: unknown options; a field of another type, an unknown name or a field that
-                is not planar; or a seed that is not a whole number from 0 to 2**63 - 1.
+                is not planar; or a seed that is not an integer from 0 to 2**63 - 1.
         """
         given, seed = known_options(options, "field").get("field"), as_seed(seed)
         field = seed if given is None else as_field(given)

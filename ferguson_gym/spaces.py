@@ -63,12 +63,12 @@ def as_seed(seed: object) -> int | None:
     """A seed as an int; None stays None.
 
     Raises:
-        ValueError: not a whole number from 0 to 2**63 - 1.
+        ValueError: not an integer from 0 to 2**63 - 1.
     """
     if seed is None:
         return None
     if type(seed) is bool or not isinstance(seed, (int, np.integer)) or not 0 <= seed <= LAST_SEED:
-        raise ValueError(f"a seed is a whole number from 0 to 2**63 - 1, got {truncate_repr(seed)}")
+        raise ValueError(f"a seed is an integer from 0 to 2**63 - 1, got {truncate_repr(seed)}")
     return int(seed)
 
 

@@ -55,9 +55,9 @@ MOST = 10_000_000
 class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     """N independent environments `ferguson/ObstacleField-v0`, stepped together by compiled code.
 
-    Each is, step for step and number for number, the scalar environment
-    (`ferguson_gym.environment.ObstacleField`, which specifies observations, actions and
-    reward) with the same seed; nothing depends on N or on the number of threads.
+    Each returns exactly the numbers of the scalar environment
+    (`ferguson_gym.environment.ObstacleField`, which specifies observations, actions and reward)
+    with the same seed; nothing depends on N or on the number of threads.
 
     ```python
     envs = gym.make_vec("ferguson/ObstacleField-v0", num_envs=256)
@@ -65,27 +65,29 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
 
     ## Autoreset
     `autoreset_mode`, an argument of this environment alone, is an `AutoresetMode` or its value.
-    "NextStep" (the default): the step after a flight's last resets it, does not fly the (valid)
-    action and has reward 0. "SameStep": the last step resets it and returns the new flight's
-    observation; `info["final_obs"]` and `info["final_info"]` hold the ended one's. "Disabled":
-    `reset(options={"reset_mask": mask})` resets those that are chosen, and a step while any
-    flight is over is an error.
+
+    - "NextStep" (the default): after an episode of an environment ends, the next step ignores that
+      environment's action, which must be valid, resets the environment and returns reward 0.
+    - "SameStep": the step that ends an episode already returns the first observation of the next
+      one; `info["final_obs"]` and `info["final_info"]` hold the last ones of the ended episode.
+    - "Disabled": `reset(options={"reset_mask": mask})` resets the chosen environments; a step while
+      any episode is over is an error.
 
     ## Seeds and fields
-    `reset(seed=s)` gives environment i the seed s + i, `reset(seed=[...])` each its own (None
-    for one that goes on drawing); `options={"field": ...}` takes a field or its name for all,
-    or a list of N of them, None where one is to be drawn.
+    `reset(seed=s)` gives environment i the seed s + i; `reset(seed=[...])` gives each its own, and
+    None keeps an environment's random stream. `options={"field": ...}` takes a field or its name
+    for all, or a list with one for each environment; None draws a field.
 
     ## Info
-    The scalar environment's keys as arrays (N,), each with a mask `_key` of what it holds, and
-    zeros elsewhere.
+    The scalar environment's keys as arrays (N,), each with a boolean mask `_key` of the entries
+    that are set, as in Gymnasium; the other entries are zero.
 
     ## Spec
     `envs.spec.max_episode_steps` is the number of segments. The argument `max_episode_steps`, which
     `gym.make_vec` passes on from a spec, lowers `segments` to this number if that is larger.
 
     Raises:
-        ValueError: as the scalar environment; no environments; an unknown autoreset mode.
+        ValueError: as the scalar environment; num_envs < 1; an unknown autoreset mode.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 (Gymnasium declares it so)
@@ -106,7 +108,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.settings = settings_of(arguments, type(self).__name__, *own)
         self.settings = _limited(self.settings, max_episode_steps)
         if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
-            raise ValueError(f"num_envs must be a whole number >= 1, got {truncate_repr(num_envs)}")
+            raise ValueError(f"num_envs must be an integer >= 1, got {truncate_repr(num_envs)}")
         if num_envs > MOST:
             raise ValueError(
                 f"at most {MOST} environments are made at once, got {truncate_repr(num_envs)}"
@@ -205,8 +207,8 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
             TypeError: obstacles other than discs.
             ValueError: lists of another length than N; unknown options; a mask of another type
                 or shape, or without a True; a field of another type, an unknown name, a field
-                that is not planar or has too many obstacles; or a seed that is not a whole
-                number from 0 to 2**63 - 1.
+                that is not planar or has too many obstacles; or a seed that is not an
+                integer from 0 to 2**63 - 1.
         """
         asked_for = known_options(options, "field", "reset_mask")
         chosen = self._mask(asked_for.get("reset_mask"))
@@ -353,12 +355,10 @@ def _limited(settings: Settings, steps: int | None) -> Settings:
     """Settings with no more segments than steps.
 
     Raises:
-        ValueError: a limit that is not a whole number of at least 1.
+        ValueError: a limit that is not an integer >= 1.
     """
     if steps is None or steps == _NO_LIMIT:
         return settings
     if type(steps) is bool or not isinstance(steps, (int, np.integer)) or steps < 1:
-        raise ValueError(
-            f"max_episode_steps must be a whole number >= 1, got {truncate_repr(steps)}"
-        )
+        raise ValueError(f"max_episode_steps must be an integer >= 1, got {truncate_repr(steps)}")
     return replace(settings, segments=min(settings.segments, int(steps)))

@@ -1,4 +1,4 @@
-"""Fields as arrays of fixed shape, from which compiled functions read."""
+"""Fields as arrays of fixed shape for compiled functions."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The observation: numbers in [-1, 1], in a frame that is turned with the vehicle."""
+"""The observation: numbers in [-1, 1], in the body frame."""
 
 from __future__ import annotations
 

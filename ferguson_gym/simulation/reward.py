@@ -1,4 +1,4 @@
-"""The reward: progress towards the goal, less penalties for detours and for failure."""
+"""The reward of a segment; `step_kernel` subtracts the penalty for failure from it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class Penalties(NamedTuple):
     detour: float
     """Weight of length beyond progress, as a fraction of the straight distance."""
     failure: float
-    """Subtracted when a flight ends anywhere but on the goal."""
+    """Subtracted if a flight ends without reaching the goal."""
 
 
 @compiled
@@ -22,10 +22,11 @@ def segment_reward(
 ) -> float:
     """Reward of a segment that was flown, without the penalty for failure.
 
-    `(progress - detour (length - progress)) / distance`. The rewards of a flight
-    of L metres that reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance.
-    Progress telescopes and no segment is shorter than its progress, so circling never pays.
-    `before` and `after` are straight distances to the goal [m], `distance` is that of the start.
+    `(progress - detour (length - progress)) / distance`. The rewards of a flight of L metres that
+    reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance. The progress of
+    all segments sums to at most D, and no segment is shorter than its progress, so loops are never
+    rewarded. `before` and `after` are straight distances to the goal [m], `distance` is that of the
+    start.
     """
     progress = before - after
     return (progress - penalties.detour * (length - progress)) / distance

@@ -98,10 +98,10 @@ class Settings:
             if given is None and name in ("obstacles", "capacity"):
                 continue
             if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
-                a_number = "a whole number" if name in whole else "a number"
+                a_number = "an integer" if name in whole else "a number"
                 raise ValueError(f"{name} must be {a_number}, got {truncate_repr(given)}")
         if self.radii is not None and finite("radii", self.radii, (None,)).size != 2:
-            raise ValueError(f"radii are (least, greatest), got {truncate_repr(self.radii)}")
+            raise ValueError(f"radii are (minimum, maximum), got {truncate_repr(self.radii)}")
         if self.radii is not None:  # a copy, since the caller's list may change
             object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 

@@ -1,6 +1,6 @@
 """The arrays that a step of N vehicles reads and writes, allocated in one place.
 
-A new one needs a field of `StepBuffers` and a line of `make_buffers`.
+To add an array, add an attribute to `StepBuffers` and allocate it in `make_buffers`.
 """
 
 from __future__ import annotations

@@ -40,17 +40,17 @@ class Walls:
 WALLS = Field(name="walls", obstacles=Walls())
 
 BAD_RESETS: list[tuple[dict, str]] = [
-    ({"seed": -1}, "a seed is a whole number from 0 to .* got -1"),
-    ({"seed": 1.0}, r"whole number .* got 1\.0"),
-    ({"seed": True}, "whole number .* got True"),
-    ({"seed": "7"}, "whole number .* got '7'"),
-    ({"seed": 2**63 - 2}, f"whole number .* got {2**63}"),
-    ({"seed": [[1.0], [1.0, 2.0], []]}, r"whole number .* got \[1\.0\]"),
-    ({"seed": np.array(7.0)}, r"whole number .* got 7\.0"),
+    ({"seed": -1}, "a seed is an integer from 0 to .* got -1"),
+    ({"seed": 1.0}, r"integer .* got 1\.0"),
+    ({"seed": True}, "integer .* got True"),
+    ({"seed": "7"}, "integer .* got '7'"),
+    ({"seed": 2**63 - 2}, f"integer .* got {2**63}"),
+    ({"seed": [[1.0], [1.0, 2.0], []]}, r"integer .* got \[1\.0\]"),
+    ({"seed": np.array(7.0)}, r"integer .* got 7\.0"),
     ({"seed": [1, 2]}, "need one seed or 3, got 2"),
-    ({"seed": [1, 2, -3]}, "whole number .* got -3"),
-    ({"seed": [1, False, 3]}, "whole number .* got False"),
-    ({"seed": [1, None, 3.0]}, r"whole number .* got 3\.0"),
+    ({"seed": [1, 2, -3]}, "integer .* got -3"),
+    ({"seed": [1, False, 3]}, "integer .* got False"),
+    ({"seed": [1, None, 3.0]}, r"integer .* got 3\.0"),
     ({"seed": 5, "options": "wind"}, "reset options are a dictionary with 'field' .* got 'wind'"),
     ({"seed": 5, "options": 3}, "reset options are a dictionary with 'field' .* got 3"),
     ({"seed": 5, "options": {"wind": 1, 3: 1}}, r"unknown reset options \[3, 'wind'\]"),
@@ -145,10 +145,10 @@ def test_bad_actions_are_refused_and_nothing_changes(actions: Any, message: str)
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"seed": -1}, "whole number from 0 to .* got -1"),
-        ({"seed": True}, "whole number .* got True"),
-        ({"seed": 2.0}, r"whole number .* got 2\.0"),
-        ({"seed": 2**63}, "whole number .* got 9223372036854775808"),
+        ({"seed": -1}, "integer from 0 to .* got -1"),
+        ({"seed": True}, "integer .* got True"),
+        ({"seed": 2.0}, r"integer .* got 2\.0"),
+        ({"seed": 2**63}, "integer .* got 9223372036854775808"),
         ({"seed": 5, "options": {"wind": 3}}, "unknown reset options"),
         ({"seed": 5, "options": []}, r"reset options are a dictionary with 'field', got \[\]"),
         ({"seed": 5, "options": {"field": SPACE}}, "planar, field space has 3 dimensions"),
@@ -212,7 +212,7 @@ def test_without_autoreset_a_finished_flight_must_be_reset_first() -> None:
 @pytest.mark.parametrize(
     ("number", "arguments", "message"),
     [
-        (0, {}, "num_envs must be a whole number >= 1, got 0"),
+        (0, {}, "num_envs must be an integer >= 1, got 0"),
         (-3, {}, "got -3"),
         (2.0, {}, r"got 2\.0"),
         (True, {}, "got True"),

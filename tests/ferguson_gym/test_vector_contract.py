@@ -130,7 +130,7 @@ def test_a_limit_of_steps_lowers_the_number_of_segments(arguments: dict, steps: 
     again = gym.make_vec(envs.spec)
     assert again.unwrapped.settings.segments == steps
     for wrong in (0, 2.5, True, "9"):
-        with pytest.raises(ValueError, match="max_episode_steps must be a whole number >= 1"):
+        with pytest.raises(ValueError, match="max_episode_steps must be an integer >= 1"):
             gym.make_vec(ENVIRONMENT_ID, num_envs=2, max_episode_steps=wrong)
 
 

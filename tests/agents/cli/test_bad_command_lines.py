@@ -107,7 +107,7 @@ OF_AGENTS = {
     f"{TRAIN} --from dager": "no such model (did you mean 'dagger'?)",
     f"{TRAIN} --from half": "model.json is missing",
     f"{TRAIN} --config no.yml": "no hyperparameters at no.yml: need a YAML file, or bc, dagger",
-    f"{TRAIN} --config taken": "taken: need one key at the top",
+    f"{TRAIN} --config taken": "taken: need the key ferguson/ObstacleField-v0 at the top",
     f"{TRAIN} --demos d-v0": "ppo cannot use --demos; sac, td3, tqc, bc, dagger can",
     f"{TRAIN} --choose-on nope": "unknown field 'nope'",
     f"{TRAIN} --report-on sparse/test:0-9999999": "at most 100000 flights",

@@ -204,7 +204,7 @@ def test_an_agent_trains_on_it(flat: bool, policy: str) -> None:
 
 
 def test_bad_arguments_are_refused() -> None:
-    with pytest.raises(ValueError, match="num_envs must be a whole number >= 1, got 0"):
+    with pytest.raises(ValueError, match="num_envs must be an integer >= 1, got 0"):
         ObstacleFieldVecEnv(0)
     with pytest.raises(TypeError, match="unexpected keyword argument 'wind'; known are suite"):
         ObstacleFieldVecEnv(2, wind=3)
