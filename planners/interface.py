@@ -15,8 +15,11 @@ from typing import ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
+from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.svg import Picture, ShowsPicture
+from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.world import Field, Inspection, Limits, Outcome, transition
 
 
@@ -124,7 +127,7 @@ class Route:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Plan:
+class Plan(ShowsPicture):
     """A planned flight. A plan whose status is solved is certified feasible."""
 
     status: Status
@@ -143,6 +146,8 @@ class Plan:
     certificates: Sequence[Inspection] | None = None
     """One for each segment as flown, from the planner's own certification; None if it did not
     keep them."""
+    field: Field | None = None
+    """The field that was planned in, for pictures; None if the planner did not keep it."""
 
     @property
     def success(self) -> bool:
@@ -153,6 +158,41 @@ class Plan:
     def path(self) -> Path | None:
         """The path to the goal; None after a failure, or if planning began on the goal."""
         return Path(self.control) if self.success and len(self.control) else None
+
+    def picture(self) -> Picture:
+        """A picture of the plan in its field, with the route that segments were fitted to.
+
+        Raises:
+            ValueError: neither a field nor segments to draw.
+        """
+        picture = self._region()
+        picture.add_chain(self.control)
+        return picture
+
+    def animate(self, seconds: float = 5.0) -> Picture:
+        """An animated picture of a vehicle that flies the plan in some seconds.
+
+        Raises:
+            ValueError: neither a field nor segments to draw, or no positive and finite number of
+                seconds.
+        """
+        picture = self._region()
+        picture.add_motion(self.control, Timeline(length(self.control), seconds))
+        return picture
+
+    def _region(self) -> Picture:
+        """A picture of what surrounds the plan."""
+        if self.field is None and len(self.control) == 0:
+            raise ValueError("the plan has neither a field nor segments to draw")
+        picture = Path(self.control).region() if self.field is None else self.field.picture()
+        metres = float(length(self.control).sum())
+        number = len(self.control)
+        where = "" if self.field is None else f"{self.field.name}: "
+        segments = f"{number} segment{'s' * (number != 1)}"
+        picture.caption = f"{where}{segments}, {metres:.2f} m, {self.status.sentence}"
+        if self.route is not None:
+            picture.add_route(self.route.points)
+        return picture
 
     @property
     def step_seconds(self) -> list[float]:

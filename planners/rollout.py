@@ -62,16 +62,19 @@ def ends_on_goal(field: Field, state: State) -> bool:
 def finished(field: Field, state: State, limits: Limits) -> Plan | None:
     """The empty plan of a flight on the goal or out of segments; None for any other flight."""
     if np.array_equal(state.vehicle.position, field.goal):
-        return flight_plan(Status.SOLVED, [], [state])
+        return flight_plan(field, Status.SOLVED, [], [state])
     if state.vehicle.segments >= limits.segments:
-        return flight_plan(Status.OUT_OF_SEGMENTS, [], [state])
+        return flight_plan(field, Status.OUT_OF_SEGMENTS, [], [state])
     return None
 
 
-def flight_plan(status: Status, steps: Sequence[Step], states: Sequence[State]) -> Plan:
+def flight_plan(
+    field: Field, status: Status, steps: Sequence[Step], states: Sequence[State]
+) -> Plan:
     """A plan, without its decisions, of steps flown between states; it keeps their certificates."""
     control = np.array([step.control for step in steps]).reshape(-1, 4, 2)
-    return Plan(status, control, states, [], certificates=[step.inspection for step in steps])
+    certificates = [step.inspection for step in steps]
+    return Plan(status, control, states, [], certificates=certificates, field=field)
 
 
 def roll_out(
@@ -100,7 +103,7 @@ def roll_out(
         states.append(state)
         steps.append(step)
     status = _STATUS.get(outcome, Status.STUCK)
-    return replace(flight_plan(status, steps, states), decisions=decisions)
+    return replace(flight_plan(field, status, steps, states), decisions=decisions)
 
 
 def fly_chain(

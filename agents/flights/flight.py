@@ -16,10 +16,13 @@ from agents.policies.shield_decisions import ShieldDecision
 from agents.policies.warm_up import warm_policy
 from agents.runtime.kernels import compile_kernels
 from ferguson_gym.curves import Path
+from ferguson_gym.curves import length as segment_lengths
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import exact_length, gap
 from ferguson_gym.simulation.observations import Observation
+from ferguson_gym.svg import Picture, ShowsPicture
+from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.world import Field, Outcome, State
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import as_field
@@ -27,7 +30,7 @@ from planners.interface import Decision, Route
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Flight:
+class Flight(ShowsPicture):
     """One flight of a policy through a field."""
 
     policy: str
@@ -52,6 +55,39 @@ class Flight:
     """Who decided each step and why; empty for policies without a shield."""
     route: Route | None = None
     """The route that a whole-path planner found before it fitted segments to it."""
+
+    def picture(self) -> Picture:
+        """A picture of the flight through its field, with the route and the refused segment."""
+        picture = self._region()
+        picture.add_chain(self.control)
+        if self.refused is not None:
+            picture.add_refused(self.refused)
+        return picture
+
+    def animate(self, seconds: float = 5.0) -> Picture:
+        """An animated picture of the flight, which takes some seconds.
+
+        Raises:
+            ValueError: no positive and finite number of seconds.
+        """
+        picture = self._region()
+        timeline = Timeline(segment_lengths(self.control), seconds)
+        picture.add_motion(self.control, timeline)
+        if self.refused is not None:
+            picture.add_refused(self.refused, timeline)
+        return picture
+
+    def _region(self) -> Picture:
+        """A picture of the field and the route, with the flight's caption."""
+        picture = self.field.picture()
+        number = len(self.control)
+        segments = f"{number} segment{'s' * (number != 1)}"
+        gap = "" if self.gap is None else f", gap {100.0 * self.gap:.2f} %"
+        told = f"{segments}, {self.length:.2f} m{gap}, {self.outcome.sentence}"
+        picture.caption = f"{self.policy} on {self.field.name}: {told}"
+        if self.route is not None:
+            picture.add_route(self.route.points)
+        return picture
 
     @property
     def success(self) -> bool:

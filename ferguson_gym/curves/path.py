@@ -16,13 +16,18 @@ from ferguson_gym.curves import sampling, splines
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array, frozen
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.svg import Picture, ShowsPicture
+from ferguson_gym.svg.motion import Timeline
 
 _JOINT = 1e-9
 """Largest gap between segments, relative to the largest entry of the control array."""
 
+_MARGIN, _SLENDER = 0.05, 0.25
+"""Margin around a path in its picture and least height of that, as parts of the longer side."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Path:
+class Path(ShowsPicture):
     """A C1 chain of segments.
 
     Raises:
@@ -128,6 +133,43 @@ class Path:
         """
         # by name: the curves know no matplotlib, which is loaded when something is drawn
         return import_module("ferguson_gym.rendering").plot_path(self, axes)
+
+    def picture(self) -> Picture:
+        """A picture of the path alone.
+
+        Raises:
+            ValueError: a path that is not planar.
+        """
+        picture = self.region()
+        picture.add_chain(self.control)
+        return picture
+
+    def animate(self, seconds: float = 5.0) -> Picture:
+        """An animated picture of a vehicle that flies the path in some seconds.
+
+        Raises:
+            ValueError: a path that is not planar, or no positive and finite number of seconds.
+        """
+        picture = self.region()
+        picture.add_motion(self.control, Timeline(length(self.control), seconds))
+        return picture
+
+    def region(self) -> Picture:
+        """A picture of the path's surroundings, without the path.
+
+        Raises:
+            ValueError: a path that is not planar.
+        """
+        if self.control.shape[-1] != 2:
+            raise ValueError(
+                f"pictures are planar, the path has {self.control.shape[-1]} dimensions"
+            )
+        low, high = splines.extent(self.control)
+        low, high = low.min(axis=0), high.max(axis=0)
+        middle, longest = (low + high) / 2.0, float((high - low).max()) or 1.0
+        half = np.maximum((high - low) / 2.0 + _MARGIN * longest, _SLENDER * longest / 2.0)
+        caption = f"{len(self)} segment{'s' * (len(self) != 1)}, {self.length:.4g} m"
+        return Picture(middle - half, middle + half, caption)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write the path as JSON; loading it gives the same numbers, bit for bit."""

@@ -14,19 +14,16 @@ from matplotlib.transforms import Affine2D
 
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.svg.colours import GOAL as GOAL
+from ferguson_gym.svg.colours import HORIZON as HORIZON
+from ferguson_gym.svg.colours import OBSTACLE as OBSTACLE
+from ferguson_gym.svg.colours import OBSTACLE_EDGE as OBSTACLE_EDGE
+from ferguson_gym.svg.colours import REFUSED as REFUSED
+from ferguson_gym.svg.colours import SEEN as SEEN
+from ferguson_gym.svg.colours import SEGMENTS as SEGMENTS
+from ferguson_gym.svg.colours import START as START
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs, Obstacles
-
-OBSTACLE = "#c9ced6"
-OBSTACLE_EDGE = "#8d96a3"
-SEEN = "#a7b1be"
-"""An obstacle that a plan looks at."""
-SEGMENTS = ("#0b5fa5", "#e07b00")
-"""Alternating colours of the segments of a path."""
-HORIZON = "#8e44ad"
-REFUSED = "#c0392b"
-START = "#1e8449"
-GOAL = "#c0392b"
 
 _T = np.linspace(0.0, 1.0, 60)
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import sys
 from typing import Any
 
-from PIL import Image
-
-from ferguson_gym.rendering.raster import Raster, caption
+from ferguson_gym.rendering.raster import caption
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
@@ -28,7 +24,6 @@ class NotebookOutput:
     """
 
     def __init__(self) -> None:
-        self._raster = Raster()
         self._handle: Any = None
         self._cell: Any = None
 
@@ -39,17 +34,16 @@ class NotebookOutput:
 
     def frame(self, field: Field, control: Array, refused: Array | None, outcome: Outcome) -> None:
         """Show a flight in place of what was shown before."""
-        file = io.BytesIO()
-        Image.fromarray(self._raster.frame(field, control, refused, outcome)).save(file, "PNG")
-        data = {
-            "image/png": base64.b64encode(file.getvalue()).decode(),
-            "text/plain": caption(field, control, outcome),
-        }
+        picture = field.picture()
+        picture.caption = caption(field, control, outcome)
+        picture.add_chain(control)
+        if refused is not None:
+            picture.add_refused(refused)
         if self._handle is None:
             self._cell = _running_cell()
-            self._handle = sys.modules["IPython"].display.display(data, raw=True, display_id=True)
+            self._handle = sys.modules["IPython"].display.display(picture, display_id=True)
         else:
-            self._handle.update(data, raw=True)
+            self._handle.update(picture)
 
 
 def _running_cell() -> Any:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite, frozen, real
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.svg import Picture, ShowsPicture
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs, Obstacles
 
@@ -30,7 +31,7 @@ _OPTIONAL = ("start", "goal", "bounds", "start_derivative")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Field:
+class Field(ShowsPicture):
     """Obstacles, start, goal and bounds of a flight; immutable.
 
     Raises:
@@ -120,6 +121,24 @@ class Field:
         """
         # by name: the world knows no matplotlib, which is loaded when something is drawn
         return import_module("ferguson_gym.rendering").plot_field(self, axes)
+
+    def picture(self) -> Picture:
+        """A picture of the discs, start, goal and bounds; other obstacles are left out.
+
+        Raises:
+            ValueError: a field that is not planar.
+        """
+        if len(self.start) != 2:
+            raise ValueError(
+                f"pictures are planar, field {self.name} has {len(self.start)} dimensions"
+            )
+        number = len(self.obstacles)
+        caption = f"{self.name}: {number} obstacle{'s' * (number != 1)}"
+        picture = Picture(self.bounds[0], self.bounds[1], caption)
+        if isinstance(self.obstacles, Discs):
+            picture.add_discs(self.obstacles.centers, self.obstacles.radii)
+        picture.add_ends(self.start, self.goal)
+        return picture
 
 
 def _point(point: ArrayLike) -> str:

@@ -52,7 +52,7 @@ class WholePath:
             seconds=time.perf_counter() - began,
         )
         return dataclasses.replace(
-            flight_plan(status, steps, states),
+            flight_plan(field, status, steps, states),
             decisions=[Decision(chain, report, first_step=steps[0] if steps else None)],
             route=route,
             reason=reason,

@@ -3,46 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import ShortestPath, shortest_path
+from ferguson_gym.svg.path_data import Whole, chain_data, pair, whole
 from ferguson_gym.world import Discs, field_names
 from ferguson_gym.world.field import BOUNDS, Field
 
 
 def draw_chain(control: Array) -> str:
-    """Segments (n, 4, 2) as SVG path data in centimetres, y upwards; empty without segments.
-
-    A Ferguson segment is the Bézier curve with control points a third of its derivatives from
-    its ends; as neighbours share their derivatives, each after the first is a smooth curve.
-    """
-    if len(control) == 0:
-        return ""
-    start, end, departure, arrival = np.moveaxis(np.asarray(control), 1, 0)
-    points = _centimetres(np.vstack([start[:1], end]))
-    before = _centimetres(end - arrival / 3.0) - points[:-1]
-    steps = np.diff(points, axis=0)
-    first = _centimetres(start[0] + departure[0] / 3.0) - points[0]
-    parts = [f"M{_pair(points[0])}c{_pair(first)} {_pair(before[0])} {_pair(steps[0])}"]
-    rest = zip(before[1:], steps[1:], strict=True)
-    parts.extend(f"s{_pair(middle)} {_pair(step)}" for middle, step in rest)
-    return "".join(parts)
+    """Segments (n, 4, 2) as SVG path data in centimetres, y upwards; empty without segments."""
+    return chain_data(100.0 * np.asarray(control))
 
 
 def draw_shortest(path: ShortestPath) -> str:
     """Lines and arcs as SVG path data in centimetres, y upwards."""
     lines = _centimetres(path.lines)
     radii = _centimetres(path.radii)
-    parts = [f"M{_pair(lines[0, 0])}L{_pair(lines[0, 1])}"]
+    parts = [f"M{pair(lines[0, 0])}L{pair(lines[0, 1])}"]
     for k, sweep in enumerate(path.sweeps):
         large, left = int(sweep > math.pi), int(path.senses[k] > 0)
-        parts.append(f"A{radii[k]} {radii[k]} 0 {large} {left} {_pair(lines[k + 1, 0])}")
-        parts.append(f"L{_pair(lines[k + 1, 1])}")
+        parts.append(f"A{radii[k]} {radii[k]} 0 {large} {left} {pair(lines[k + 1, 0])}")
+        parts.append(f"L{pair(lines[k + 1, 1])}")
     return "".join(parts)
 
 
@@ -75,10 +61,5 @@ def _named(name: str) -> Field | None:
         return None
 
 
-def _centimetres(metres: Array) -> NDArray[np.int64]:
-    return np.rint(100.0 * np.asarray(metres)).astype(np.int64)
-
-
-def _pair(point: Sequence[int] | NDArray[np.int64]) -> str:
-    # a minus sign separates numbers as well as a space does
-    return f"{point[0]} {point[1]}".replace(" -", "-")
+def _centimetres(metres: Array) -> Whole:
+    return whole(100.0 * np.asarray(metres))

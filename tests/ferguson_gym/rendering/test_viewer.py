@@ -18,6 +18,8 @@ from ferguson_gym.curves import length
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.rendering.motion import FPS, STRIDE, parts
 from ferguson_gym.rendering.viewer import HOLD, Viewer
+from ferguson_gym.svg import Picture
+from ferguson_gym.svg.colours import SEGMENTS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world import Outcome
 
@@ -172,18 +174,17 @@ class FakeNotebook:
 
     def __init__(self) -> None:
         self.cell = 1
-        self.shown: list[list[dict[str, str]]] = []
+        self.shown: list[list[Picture]] = []
         self.display = SimpleNamespace(display=self._display)
 
     def get_ipython(self) -> Any:
         return SimpleNamespace(execution_count=self.cell)
 
-    def _display(self, data: dict[str, str], *, raw: bool, display_id: bool) -> Any:
-        assert raw
+    def _display(self, picture: Picture, *, display_id: bool) -> Any:
         assert display_id
-        output = [data]
+        output = [picture]
         self.shown.append(output)
-        return SimpleNamespace(update=lambda data, raw: output.append(data))
+        return SimpleNamespace(update=output.append)
 
 
 def test_a_notebook_has_one_picture_of_a_flight_that_is_updated_in_place(
@@ -205,7 +206,6 @@ def test_a_notebook_has_one_picture_of_a_flight_that_is_updated_in_place(
     assert env.render() is None
     env.close()
     last = notebook.shown[0][-1]
-    assert (
-        last["text/plain"] == "standard/train:6, 3 obstacles: 1 segments, 9.0 m, still on its way"
-    )
-    assert last["image/png"].startswith("iVBOR")  # of a PNG
+    assert last.caption == "standard/train:6, 3 obstacles: 1 segments, 9.0 m, still on its way"
+    assert last._repr_svg_().count(SEGMENTS[0]) == 1  # one segment, the others' colour is missing
+    assert SEGMENTS[1] not in last._repr_svg_()
