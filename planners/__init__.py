@@ -1,10 +1,11 @@
 """Planners: from a field, a state and a seed to a certified plan; none knows gymnasium.
 
 `plan` plans a field by the names of field and planner; `make` builds a planner by name, `PLANNERS`
-lists the names. The other public names come from `planners.interface`; `planners.contract` checks
-what it promises. All names are imported when they are first used. Folders, from the ground up:
-`optimization` (windows of segments and their solvers), `whole_path` (routes and the segments fitted
-to them), `receding_horizon` (one segment at a time) and `wrappers` (planners around planners).
+lists the names, and `register` adds one. The other public names come from `planners.interface`;
+`planners.contract` checks what it promises. All names are imported when they are first used.
+Folders, from the ground up: `optimization` (windows of segments and their solvers), `whole_path`
+(routes and the segments fitted to them), `receding_horizon` (one segment at a time) and `wrappers`
+(planners around planners).
 """
 
 from importlib import import_module
@@ -20,10 +21,11 @@ if TYPE_CHECKING:
     from planners.registry import PLANNERS as PLANNERS
     from planners.registry import make as make
     from planners.registry import plan as plan
+    from planners.registry import register as register
 else:  # a type checker that saw it would accept any name
     _INTERFACE = ("Decision", "Plan", "Planner", "Replanner", "State", "Status")
     _MODULES = dict.fromkeys(_INTERFACE, "planners.interface")
-    _MODULES |= dict.fromkeys(("PLANNERS", "make", "plan"), "planners.registry")
+    _MODULES |= dict.fromkeys(("PLANNERS", "make", "plan", "register"), "planners.registry")
 
     def __getattr__(name):
         """Import a public name when it is first used."""

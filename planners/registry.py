@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
+from ferguson_gym.runtime import truncate_repr
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world import Field
@@ -78,6 +82,81 @@ PLANNERS: dict[str, Callable[[], Planner]] = {
     "abc": abc,
 }
 """Constructors of planners by name; they raise a ValueError if a library is not installed."""
+_OWN = frozenset(PLANNERS)
+"""Names of the planners of this project."""
+GROUP = "ferguson.planners"
+"""Entry points of this group in installed packages name further planners."""
+
+
+def register(name: str, constructor: Callable[[], Planner]) -> None:
+    """Give a planner a name that all commands of this process know, and its worker processes.
+
+    A package makes a name known to every process instead, by an entry point of the group
+    `ferguson.planners` that leads to such a constructor.
+
+    Args:
+        name: letters, digits, `.`, `_` and `-`.
+        constructor: makes the planner without arguments, for example its class.
+
+    Raises:
+        ValueError: a name with other characters, or of another planner; no constructor.
+    """
+    if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name) is None:
+        raise ValueError(
+            f"a planner's name has letters, digits, '.', '_' and '-' only, got {name!r}"
+        )
+    given: object = constructor
+    if not callable(given):
+        raise ValueError(
+            f"planner {name!r} needs a class or a function that makes it, "
+            f"got {truncate_repr(given)}"
+        )
+    if PLANNERS.get(name, constructor) != constructor:
+        raise ValueError(f"there is a planner {name!r} already; choose another name")
+    PLANNERS[name] = constructor
+
+
+def registered() -> dict[str, Callable[[], Planner]]:
+    """Constructors by name that were added in this process, without those of entry points."""
+    return {
+        name: constructor
+        for name, constructor in PLANNERS.items()
+        if name not in _OWN and not isinstance(constructor, _Installed)
+    }
+
+
+@dataclass(frozen=True, slots=True)
+class _Installed:
+    """Constructor of an installed package's planner, which imports the package when called."""
+
+    entry: EntryPoint
+
+    def __call__(self) -> Planner:
+        try:
+            constructor = self.entry.load()
+        except Exception as error:  # whatever the package raises when it is imported
+            raise ValueError(
+                f"planner {self.entry.name!r} cannot be imported from {self.entry.value}: {error}"
+            ) from error
+        if not callable(constructor):
+            raise ValueError(
+                f"planner {self.entry.name!r}: {self.entry.value} is not a class or a function "
+                "that makes a planner"
+            )
+        planner: Planner = constructor()
+        return planner
+
+
+def _register_installed() -> None:
+    """Register the planners of installed packages; one that cannot be is a warning."""
+    for entry in entry_points(group=GROUP):
+        try:
+            register(entry.name, _Installed(entry))
+        except ValueError as error:
+            warnings.warn(f"entry point of {entry.value}: {error}", stacklevel=2)
+
+
+_register_installed()
 OPTIONS = "NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES, NAME+sensing=METRES or several"
 """The options that a planner's name may carry, as shown to users."""
 _METRES = {"turn": "a turn radius", "margin": "a margin", "sensing": "a sensing range"}
@@ -162,6 +241,11 @@ class PlannerSpec:
                 a value out of its range.
         """
         planner = PLANNERS[self.name]()
+        if not callable(getattr(planner, "plan", None)):
+            raise ValueError(
+                f"planner {self.name!r} is a {type(planner).__name__} without the method "
+                "plan(field, state, seed)"
+            )
         if self.turn is not None:
             if self.backtrack or self.sensing is not None:
                 raise ValueError(

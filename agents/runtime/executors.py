@@ -21,7 +21,9 @@ from typing import Any
 
 from joblib import Parallel, delayed
 
+from agents.runtime import registrations
 from agents.runtime.interrupts import defer_interrupt, shield_new_processes
+from agents.runtime.registrations import Registrations
 from agents.runtime.safe_npz import reason
 from ferguson_gym.runtime.optional_dependencies import installing
 
@@ -47,7 +49,7 @@ def map_in_processes(
     ahead: int | None = None,
     afterwards: str = RESUMES,
 ) -> Iterator[Iterator[Any]]:
-    """Spread calls over worker processes, which start immediately.
+    """Spread calls over worker processes, which start immediately and know this one's planners.
 
     Workers ignore Ctrl-C and end with this process. Calls that are unfinished at the end of the
     block are cancelled.
@@ -64,6 +66,7 @@ def map_in_processes(
 
     Raises:
         WorkerDiedError: A worker process died.
+        OSError: A planner registered here cannot be sent to a worker.
         KeyboardInterrupt: Ctrl-C was pressed; between two calls if `workers` is 1.
     """
     if workers == 1:
@@ -77,8 +80,9 @@ def map_in_processes(
         pre_dispatch=ahead or 2 * workers,
         max_nbytes=None,  # arguments travel through pipes, not through files
     )
+    sent = os.getpid(), registrations.sendable()
     with shield_new_processes():
-        results = parallel(delayed(_call_in_worker)(os.getpid(), *call) for call in calls)
+        results = parallel(delayed(_call_in_worker)(*sent, *call) for call in calls)
     try:
         yield results
     except BrokenProcessPool:
@@ -104,11 +108,16 @@ _watched = threading.Event()
 
 
 def _call_in_worker(
-    parent: int, function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any]
+    parent: int,
+    planners: Registrations,
+    function: Callable[..., Any],
+    given: Sequence[Any],
+    named: Mapping[str, Any],
 ) -> Any:
     if not _watched.is_set():
         _watched.set()
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
+    registrations.adopt(planners)
     return function(*given, **named)
 
 
@@ -247,12 +256,12 @@ def _in_cluster(
     backend: Backend, client: Any, calls: Iterable[Call], ahead: int | None
 ) -> Iterator[Any]:
     distributed: Any = importlib.import_module("distributed")
-    waiting = iter(calls)
+    waiting, planners = iter(calls), registrations.sendable()
     finished = distributed.as_completed(loop=client.loop)
 
     def hand_out(number: int) -> None:
         for call in islice(waiting, number):
-            finished.add(client.submit(_attempt, *call, pure=False))
+            finished.add(client.submit(_attempt, planners, *call, pure=False))
 
     hand_out(ahead or 2 * max(1, sum(client.nthreads().values())))
     for future in finished:
@@ -274,10 +283,14 @@ def _in_cluster(
 
 
 def _attempt(
-    function: Callable[..., Any], given: Sequence[Any], named: Mapping[str, Any]
+    planners: Registrations,
+    function: Callable[..., Any],
+    given: Sequence[Any],
+    named: Mapping[str, Any],
 ) -> tuple[Any, Exception | None]:
     """The result of a call, or its error; any other error then means that it did not start."""
     try:
+        registrations.adopt(planners)
         return function(*given, **named), None
     except Exception as error:
         return None, error

@@ -42,6 +42,8 @@ def calls() -> list[tuple[str, str, str, str]]:
 def test_whatever_might_unpickle_is_told_not_to() -> None:
     seen = set()
     for file, module, function, text in calls():
+        if (module, function) == ("cloudpickle", "dumps"):
+            continue  # it writes
         assert module not in ("pickle", "cloudpickle", "marshal", "shelve", "dill"), (file, text)
         assert (module, function) not in {("builtins", "eval"), ("builtins", "exec")}, (file, text)
         if module in ("np", "torch") and function == "load":
