@@ -16,7 +16,7 @@ from agents.cli.main import _parser, main
 from planners.registry import PLANNERS
 from tests.support.documents import PAGES, README, ROOT, Block, blocks, commands_of, reduced
 
-LANGUAGES = {"python", "sh", "json", "{toctree}"}
+LANGUAGES = {"python", "sh", "json", "toml", "{toctree}"}
 SHELL = [block for page in PAGES for block in blocks(page, "sh")]
 FERGUSON, PYTHON = ".venv/bin/ferguson", ".venv/bin/python"
 TWO_FIELDS = "standard/validation:0-1"
