@@ -16,7 +16,7 @@ UNITS = PIXELS * PIXEL
 """Units along the longer side of the region."""
 _LEFT, _TOP, _RIGHT, _BOTTOM = 30, 24, 8, 20
 """Pixels around the region, for the numbers and the caption."""
-_LETTER = 6.0
+_LETTER = 6.6
 """Upper limit of the mean width of a caption's letter [px]."""
 _TICKS = 7
 """Upper limit of the number of ticks along the longer side."""
@@ -46,7 +46,7 @@ def framed(low: Array, high: Array, caption: str, shapes: str) -> str:
         f'<rect width="{wide}" height="{tall}" fill="none" stroke="{OBSTACLE_EDGE}" '
         f'stroke-width="{PIXEL}"/>'
         f'<g font-size="{9 * PIXEL}" fill="#444444">{_numbers(low, high, scale)}</g>'
-        f'<text x="0" y="{-8 * PIXEL}" font-size="{12 * PIXEL}">{caption}</text></svg>'
+        f'<text x="0" y="{-8 * PIXEL}" font-size="{11 * PIXEL}">{caption}</text></svg>'
     )
 
 
