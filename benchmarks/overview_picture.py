@@ -160,11 +160,11 @@ def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
     states = [(vehicle.position, vehicle.derivative)] * TRIES
     curves: list[list[Array]] = [[] for _ in range(TRIES)]
     stream = np.random.default_rng(0)
-    disturbances = np.zeros((TRIES, 4))
+    perturbations = np.zeros((TRIES, 4))
     while len(which := flights.active):
         fresh = stream.normal(size=(len(which), 4))
-        disturbances = LASTING * disturbances + np.sqrt(1.0 - LASTING**2) * fresh
-        wild = np.linspace(0.0, SPREAD, TRIES)[which, None] * disturbances
+        perturbations = LASTING * perturbations + np.sqrt(1.0 - LASTING**2) * fresh
+        wild = np.linspace(0.0, SPREAD, TRIES)[which, None] * perturbations
         actions = np.clip(model.network.act(flights.observations) + wild, -1.0, 1.0).astype(
             np.float32
         )
@@ -175,7 +175,7 @@ def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
                 control = decode(action, *states[k], field.goal, PAPER_LIMITS.gate)
                 states[k] = control[1], control[3]
                 curves[k].append(evaluate(control, _T))
-        disturbances = disturbances[flights.flying]
+        perturbations = perturbations[flights.flying]
         flights.keep(flights.flying)
     return [np.concatenate(curve) for curve in curves if curve]
 

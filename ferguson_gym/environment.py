@@ -114,7 +114,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | is_success | bool | the flight ended on the goal |
     | outcome | int | code of `ferguson_gym.world.outcome.Outcome`; 0 while flying |
     | path_length | float | flown so far [m] |
-    | clearance | float | least clearance so far [m] |
+    | clearance | float | minimum clearance so far [m] |
     | segments | int | flown so far |
 
     ## Rendering

@@ -117,7 +117,7 @@ class Report:
 
 
 def _clearance(plan: Plan, field: Field) -> float:
-    """Least clearance along a plan [m], as the planner certified it; infinite without segments."""
+    """Minimum clearance along a plan [m] as its planner certified it; infinite without segments."""
     certificates = plan.certificates
     if certificates is None:  # the planner keeps no certificates
         certificates = [inspect(segment, field) for segment in plan.control]

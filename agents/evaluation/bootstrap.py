@@ -14,7 +14,7 @@ from ferguson_gym.runtime.arrays import Array
 RESAMPLES = 1000
 """Number of resamples; intervals are percentiles of them."""
 _AT_ONCE = 1_000_000
-"""Greatest number of values in memory, so that it does not grow with the number of flights."""
+"""Maximum number of values in memory, so that it does not grow with the number of flights."""
 
 
 def draws(

@@ -20,7 +20,7 @@ from agents.policies.warm_up import warm_policy
 from agents.runtime.interrupts import raise_if_interrupted
 
 MOST = 20
-"""Greatest number of timed flights of a policy."""
+"""Maximum number of timed flights of a policy."""
 BUDGET = 2.0
 """Seconds after which no further flight of a policy starts."""
 

@@ -44,7 +44,7 @@ class Flight(ShowsPicture):
     refused: Array | None
     """(4, 2) the infeasible segment that ended the flight, which was not flown, if any."""
     clearance: float
-    """Least clearance along the segments flown [m]."""
+    """Minimum clearance along the segments flown [m]."""
     seconds: float = math.nan
     """Duration of the whole flight [s]; in a batch, an equal share of the batch's."""
     decision_seconds: Sequence[float] = ()
@@ -52,7 +52,7 @@ class Flight(ShowsPicture):
     decisions: Sequence[Decision] = ()
     """The planner's decisions; empty for policies without a planner."""
     shield_decisions: Sequence[ShieldDecision] = ()
-    """Who decided each step and why; empty for policies without a shield."""
+    """Whether the agent or the planner decided each step, and why; empty without a shield."""
     route: Route | None = None
     """The route that a whole-path planner found before it fitted segments to it."""
 

@@ -25,41 +25,41 @@ from ferguson_gym.simulation import Observation, Settings, SimulatedRollouts
 from ferguson_gym.world import Action, Field, transition
 
 MOST = 1024
-"""Upper limit of the number of simulated flights."""
+"""Upper limit of the number of rollouts."""
 SPREAD, LASTING = 0.05, 0.6
-"""Largest standard deviation of the disturbances of actions, and their correlation from one action
-to the next: correlated disturbances explore other ways round obstacles. Of several values these
-gave the highest SPL on standard/train:5000000-5000149."""
+"""Largest standard deviation of the perturbations of actions, and their correlation from one
+action to the next: correlated perturbations explore other ways around obstacles. Of several values
+these gave the highest SPL on standard/train:5000000-5000149."""
 
 Leg: TypeAlias = tuple[Action, Array]
 """An action (4,), and the end point (2,) of its segment [m]."""
 
 
 class LookaheadPolicy:
-    """A model as a policy that flies the shortest of its simulated flights.
+    """A model as a policy that flies the shortest of its rollouts.
 
-    The first is the model's own flight, the others are disturbed. If no flight arrives, the
-    model's own is flown as far as it goes. In a state other than the simulated one, for example
-    after a shield has replaced a segment, the remaining flight is simulated again.
+    The first rollout has the model's own actions, the others have perturbed ones. If no rollout
+    succeeds, the first is flown as far as it goes. In a state other than the simulated one, for
+    example after a shield has replaced a segment, the remaining flight is simulated again.
 
     Raises:
-        ValueError: fewer than 2 flights, or more than `MOST`.
+        ValueError: fewer than 2 rollouts, or more than `MOST`.
     """
 
     def __init__(self, policy: NetworkPolicy, tries: int) -> None:
         if not 2 <= tries <= MOST:
-            raise ValueError(f"an agent simulates 2 to {MOST} flights, got {tries}")
+            raise ValueError(f"an agent simulates 2 to {MOST} rollouts, got {tries}")
         self._model, self._tries = policy.model, tries
         self._settings = policy.model.settings
 
     def begin(self, field: Field, seed: int) -> None:
-        """Start a flight through a field; disturbances are drawn from the seed."""
+        """Start a flight through a field; perturbations are drawn from the seed."""
         self._field, self._seed = field, seed
         self._ahead: list[Leg] = []
         self._expected: tuple[int, Array] | None = None
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
-        """The next action (4,) of the best flight; None at the end of a flight that fails."""
+        """The next action (4,) of the best rollout; None at the end of a rollout that fails."""
         if self._expected is None or not (
             vehicle.segments == self._expected[0]
             and np.array_equal(vehicle.position, self._expected[1])
@@ -83,28 +83,28 @@ def shortest_rollout(
     tries: int,
     stream: np.random.Generator,
 ) -> list[Leg]:
-    """The shortest of several simulated flights from a state to the goal.
+    """The shortest of several rollouts from a state to the goal.
 
     Args:
-        model: chooses the actions, which are then disturbed.
+        model: chooses the actions, which are then perturbed.
         settings: of the environment that the model was trained in.
         field: the field that is flown.
         vehicle: initial state.
-        tries: number of flights.
-        stream: draws the disturbances.
+        tries: number of rollouts.
+        stream: draws the perturbations.
 
     Returns:
-        Its legs; if no flight arrives, those of the undisturbed one.
+        Its legs; if no rollout succeeds, those of the unperturbed one.
     """
     flights = SimulatedRollouts(field, vehicle, tries, settings)
     spreads = np.linspace(0.0, SPREAD, tries)[:, None]
-    disturbances = np.zeros((tries, 4))
+    perturbations = np.zeros((tries, 4))
     flown: list[tuple[NDArray[np.int64], Action, Array]] = []
     best, shortest = 0, math.inf
     while len(which := flights.active):
         fresh = stream.normal(size=(len(which), 4))
-        disturbances = LASTING * disturbances + math.sqrt(1.0 - LASTING**2) * fresh
-        actions = model.network.act(flights.observations) + spreads[which] * disturbances
+        perturbations = LASTING * perturbations + math.sqrt(1.0 - LASTING**2) * fresh
+        actions = model.network.act(flights.observations) + spreads[which] * perturbations
         single = np.clip(actions, -1.0, 1.0).astype(np.float32)
         flights.step(single)
         flown.append((which, single, flights.positions.copy()))
@@ -115,7 +115,7 @@ def shortest_rollout(
                 best, shortest = which[first], float(flights.lengths[first])
         promising = flights.flying & (flights.lengths < shortest)
         flights.keep(promising)
-        disturbances = disturbances[promising]
+        perturbations = perturbations[promising]
     return [
         (actions[place], ends[place])
         for which, actions, ends in flown

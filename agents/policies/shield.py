@@ -62,7 +62,7 @@ class _Proposal:
 
 
 class Shield:
-    """A policy whose doubtful segments a planner replaces.
+    """A policy whose segments a planner replaces if they fail a check.
 
     In a flight without disturbances the agent acts once in each state: an action computed one
     step ahead is flown if the agent also decides the next step.
@@ -120,7 +120,7 @@ class Shield:
         return proposal.action
 
     def _measure(self, vehicle: transition.State) -> None:
-        """Update the least distance to the goal, and how often the agent came no nearer."""
+        """Update the minimum distance to the goal, and how often the agent did not approach it."""
         distance = self._distance(vehicle)
         if distance >= self._nearest and self.shield_decisions[-1:] == [ShieldDecision.AGENT]:
             self._wasted += 1

@@ -20,6 +20,8 @@ PHRASES = {
     r"\bas ever\b": "like every other, or leave it out",
     r"\bin vain\b": "without success",
     r"(?<!there )\bis none\b": "is not one, or is missing",
+    r"\b[Dd]oubtful\b": "that fails a check, or inconclusive",
+    r"\brefused with one sentence\b": "raises a ValueError, or stops with an error",
 }
 """Phrases to avoid, and what to write instead."""
 ENDINGS = (".py", ".md", ".yml", ".html")

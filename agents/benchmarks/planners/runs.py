@@ -47,7 +47,7 @@ class Run:
     """Length of the field's shortest path [m]."""
     length: float | None
     clearance: float | None
-    """Least clearance along the path [m]."""
+    """Minimum clearance along the path [m]."""
     min_turn_radius: float | None
     """Smallest turn radius [m]; infinite on a straight path."""
     max_turn_speed: float | None

@@ -23,7 +23,7 @@ _FOR_FAILURES = 0.75
 _FLIGHT = 60
 """Characters of a flight beside its path, about."""
 _SEGMENT = 8
-"""Least number of characters of a segment."""
+"""Minimum number of characters of a segment."""
 _NO_PATHS = "No flights are shown, because paths.npz is missing."
 
 

@@ -26,7 +26,7 @@ _EQUAL = 5e-5
 """Difference of SPL below which the shown digits are equal."""
 _CLOCK = "stopped_by_clock"
 _LONG = 400
-"""Greatest number of characters of a provenance value."""
+"""Maximum number of characters of a provenance value."""
 
 
 def write_report(
@@ -121,24 +121,25 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
 def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:
     """Which policies the best one leads beyond doubt, and by more than an SPL's shown digits."""
     name = best["policy"]
-    equal, doubtful = [], []
+    equal, inconclusive = [], []
     for pair in found["pairs"]:
         if name not in (pair["first"], pair["second"]):
             continue
         other = pair["second"] if pair["first"] == name else pair["first"]
         low, high = pair["spl_difference_low"], pair["spl_difference_high"]
         if low is None or high is None or low <= 0.0 <= high:
-            doubtful.append(other)
+            inconclusive.append(other)
         elif abs(pair["spl_difference"]) < _EQUAL:
             equal.append(other)
     sentences = []
     if equal:
         sentences.append(f"Its lead over {', '.join(equal)} is negligible, below {_EQUAL:g}.")
-    if doubtful:
+    if inconclusive:
         sentences.append(
-            f"The difference from {', '.join(doubtful)} is not significant (paired 95 % interval)."
+            f"The difference from {', '.join(inconclusive)} is not significant (paired 95 % "
+            "interval)."
         )
-    if len(equal) + len(doubtful) < len(found["policies"]) - 1:
+    if len(equal) + len(inconclusive) < len(found["policies"]) - 1:
         subject, others = (name, "all others") if sentences else ("It", "every other policy")
         sentences.append(
             f"{subject} is significantly better than {others} (paired 95 % intervals)."

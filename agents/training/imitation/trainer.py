@@ -45,9 +45,9 @@ from planners.interface import Replanner
 from planners.registry import make
 
 _MOST_SEED = 2**32 - 1
-"""Greatest seed of a run: seeds of fields and of the first weights follow from it."""
+"""Maximum seed of a run: seeds of fields and of the first weights follow from it."""
 _LAST_RATE = 0.02
-"""Least learning rate at the end of a linear schedule, as a share of the first."""
+"""Minimum learning rate at the end of a linear schedule, as a share of the first."""
 _STATE = "state.pt"
 
 

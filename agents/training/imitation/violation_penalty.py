@@ -18,7 +18,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 CLEARANCE = 0.35
 """Clearance above which obstacles cost nothing [m]."""
 AHEAD_OF_END = ((1.0, 0.3), (2.0, 0.0))
-"""How far ahead of a segment's end, as it arrives, it is to be clear, and by how much [m]."""
+"""Distances ahead of a segment's end at which space should be free, and the clearance there [m]."""
 _ROOM = 0.5
 """Distance from the limits of length within which a length costs [m]."""
 _SLOWEST = 1.2

@@ -102,7 +102,7 @@ def test_the_rest_is_simulated_again_from_an_unexpected_state() -> None:
 
 @pytest.mark.parametrize("tries", [0, 1, MOST + 1])
 def test_a_number_of_flights_out_of_range_is_an_error(tries: int) -> None:
-    with pytest.raises(ValueError, match=f"simulates 2 to {MOST} flights, got {tries}"):
+    with pytest.raises(ValueError, match=f"simulates 2 to {MOST} rollouts, got {tries}"):
         LookaheadPolicy(PILOT, tries)
 
 
