@@ -61,6 +61,13 @@ def add_to(plan: Parser) -> None:
         "(single-start, multi-start)",
         complete=POLICY,
     )
+    plan.add_argument(
+        "--no-reference",
+        dest="reference",
+        action="store_false",
+        help="do not compute the shortest path, which takes seconds among thousands of obstacles, "
+        "and report no gap",
+    )
     shared.add_json(plan, "print only one JSON object")
     plot_help = "draw the plan (png, pdf, svg)"
     plan.add_argument("--plot", type=Path, metavar="FILE", help=plot_help, complete=FILE)
@@ -132,7 +139,9 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         with announce_compilation(terminal):
             planner = warm(name)
         with defer_interrupt():
-            report = plan_report.plan(planner, name, field, options.seed)
+            report = plan_report.plan(
+                planner, name, field, options.seed, reference=options.reference
+            )
         if options.json:
             terminal.show_json(report.to_json())
         else:

@@ -31,6 +31,8 @@ class Report:
     seed: int
     plan: Plan
     wall_seconds: float
+    reference: bool = True
+    """Whether the plan is compared with the field's shortest path."""
 
     @property
     def flight(self) -> Flight:
@@ -48,6 +50,7 @@ class Report:
             decision_seconds=plan.step_seconds,
             decisions=list(plan.decisions),
             route=plan.route,
+            reference=self.reference,
         )
 
     def to_json(self) -> str:
@@ -138,9 +141,16 @@ def _percent(gap: float) -> str:
     return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
 
 
-def plan(planner: Planner, name: str, field: Field, seed: int) -> Report:
-    """Plan a field from its start."""
+def plan(planner: Planner, name: str, field: Field, seed: int, *, reference: bool = True) -> Report:
+    """Plan a field from its start; compare the plan with the shortest path if so asked."""
     began = time.perf_counter()
     result = planner.plan(field, initial_state(field), seed)
     seconds = time.perf_counter() - began
-    return Report(name=name, field=field, seed=seed, plan=result, wall_seconds=seconds)
+    return Report(
+        name=name,
+        field=field,
+        seed=seed,
+        plan=result,
+        wall_seconds=seconds,
+        reference=reference,
+    )

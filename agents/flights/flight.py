@@ -55,6 +55,9 @@ class Flight(ShowsPicture):
     """Whether the agent or the planner decided each step, and why; empty without a shield."""
     route: Route | None = None
     """The route that a whole-path planner found before it fitted segments to it."""
+    reference: bool = True
+    """Whether the flight is compared with the field's shortest path, which takes seconds to compute
+    among thousands of obstacles."""
 
     def picture(self) -> Picture:
         """A picture of the flight through its field, with the route and the refused segment."""
@@ -101,14 +104,17 @@ class Flight(ShowsPicture):
 
     @property
     def exact_length(self) -> float | None:
-        """Length of the field's shortest path [m]; None without one or with other obstacles."""
-        return exact_length(self.field)
+        """Length of the field's shortest path [m]; None without one or with other obstacles.
+
+        It is computed when it is asked for; None also without a `reference`.
+        """
+        return exact_length(self.field) if self.reference else None
 
     @property
     def gap(self) -> float | None:
         """Length / exact length - 1; None unless the flight succeeded."""
-        exact = self.exact_length
-        return None if exact is None or not self.success else gap(self.length, exact)
+        exact = self.exact_length if self.success else None
+        return None if exact is None else gap(self.length, exact)
 
     @property
     def path_share(self) -> float:

@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from agents.cli.main import main
+from agents.flights import flight
+from agents.policies.warm_up import warm
 from ferguson_gym.curves import Path as Curve
+from ferguson_gym.world import Field
 
 PLAN = ["plan", "sparse/train:0", "--planner", "shortest"]
 
@@ -51,6 +54,39 @@ def test_without_a_path_nothing_is_written(
     assert main(["plan", str(wall), "--planner", "shortest", "--out", str(out)]) == 1
     assert capsys.readouterr().err.endswith(f"no path, so nothing is written to {out}\n")
     assert out.read_text() == "older"
+
+
+def refuse(field: Field) -> None:
+    pytest.fail(f"the exact length of {field.name} is computed")
+
+
+def test_without_a_reference_no_exact_length_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = [*PLAN, "--no-reference", "--plot", str(tmp_path / "flight.svg")]
+    warm("shortest")
+    monkeypatch.setattr(flight, "exact_length", refuse)
+    assert main([*command, "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["exact_length"] is None
+    assert report["gap"] is None
+    assert report["length"] > 141.0
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "found a feasible path" in out
+    assert "shortest path" not in out
+
+
+def test_a_failed_plan_computes_no_exact_length_for_people(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wall = tmp_path / "wall.json"
+    wall.write_text(
+        json.dumps({"centers": [[50, y] for y in range(-10, 111, 5)], "radii": [4] * 25})
+    )
+    warm("pursuit")
+    monkeypatch.setattr(flight, "exact_length", refuse)
+    assert main(["plan", str(wall), "--planner", "pursuit"]) == 1
 
 
 @pytest.mark.parametrize(
