@@ -95,6 +95,14 @@ class ObstacleField(gym.Env[Observation, Action]):
     step's reward lies between -2.96 (a 15 m segment straight away from the goal that exhausts the
     limit of segments) and 0.107 (15 m straight to the goal).
 
+    ## Training
+    With the defaults of most libraries nothing is learned. Begin with a discount of 0.9, since a
+    collision is caused by the last action or two, and with noise of standard deviation 0.2 in each
+    entry of an action, since most of the action box asks for segments that are refused. Plain PPO
+    on rays then reaches the goal in 67 % of the validation fields after half a million steps, and
+    in 77, 83 and 92 % after 5, 20 and 60 minutes on one core; docs/learnability.md has settings and
+    commands.
+
     ## Starting state
     (0, 0), with a derivative of 5 m per unit t towards the goal. `reset(seed=s)` starts in the
     field `SUITE/SPLIT:s`; a later `reset()` without a seed draws s below `fields` with `np_random`;

@@ -13,7 +13,10 @@ TEXT = README.read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("block", blocks(README, "python"), ids=str)
 def test_python_runs(block: Block, capsys: pytest.CaptureFixture[str]) -> None:
-    exec(compile(block.text, str(block), "exec"), {})
+    if "stable_baselines3" in block.text:
+        pytest.importorskip("stable_baselines3")
+    text = block.text.replace("500_000", "1").replace("n_epochs=8", "n_epochs=1")
+    exec(compile(text, str(block), "exec"), {})
     assert capsys.readouterr().out
 
 
