@@ -9,10 +9,11 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
+from ferguson_gym.arguments import Argument
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
-from ferguson_gym.simulation.observations import Observation, entries_of
-from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation.observations import FlatObservation, Observation, entries_of
+from ferguson_gym.simulation.settings import Settings, settings_of
 from ferguson_gym.simulation.step_buffers import DISABLED, INFOS
 from ferguson_gym.spaces import (
     action_space,
@@ -31,7 +32,7 @@ from ferguson_gym.world.transition import State
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 
 
-class ObstacleField(gym.Env[Observation, Action]):
+class ObstacleField(gym.Env[Any, Action]):
     """Fly from (0, 0) to (100, 100) around random discs, one smooth segment at a time.
 
     ## Description
@@ -59,7 +60,8 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     ## Observation space
     `Dict` of vectors, float32, all in [-1, 1]. Lengths are divided by `view` unless said otherwise,
-    and clipped. `gymnasium.wrappers.FlattenObservation` makes one vector of them.
+    and clipped. With `flat=True` they are one vector, a `Box`, in the order of
+    `gymnasium.spaces.flatten`: goal, mask, obstacles, rays, vehicle.
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
@@ -108,6 +110,13 @@ class ObstacleField(gym.Env[Observation, Action]):
     field `SUITE/SPLIT:s`; a later `reset()` without a seed draws s below `fields` with `np_random`;
     `reset(options={"field": field})` starts in a given field, a `Field` or its name.
 
+    ## Fields of your own
+    `fields` may also name the fields from which resets draw, each with the same probability: a
+    `Field`, a name such as `"forest/train:0-99"`, a JSON file, a directory of such files, or a list
+    of these. Of n such fields `reset(seed=s)` flies the one of the number s modulo n, in the order
+    given, so that the seeds 0 to n - 1 fly each of them once. Files are read when the environment
+    is made. `suite` and `split` then have no effect.
+
     ## Termination
     The flight ends on the goal, or with an infeasible segment: one that collides with an obstacle,
     is longer than 15 m or shorter than 3 m, has a derivative below 0.1 m per unit t somewhere, or
@@ -136,6 +145,24 @@ class ObstacleField(gym.Env[Observation, Action]):
     times); a reset clears it. `ferguson_gym.rendering.RecordVideo` writes it to a smooth video. In
     a notebook, mode human shows a flight as one picture that is updated in place.
 
+    ## Changes between flights
+    `suite`, `split`, `fields`, `obstacles`, `radii`, `gate`, `segments`, `detour` and `failure` may
+    change, for example in a curriculum. A change takes effect at the next reset and lasts, also
+    when a vector environment resets a flight on its own:
+
+    - `env.unwrapped.obstacles = 20`, or `env.set_wrapper_attr("obstacles", 20)` through wrappers;
+    - `env.unwrapped.set_arguments(obstacles=20, radii=(1, 3))` for several at once;
+    - `env.reset(options={"obstacles": 20})`, with the reset itself.
+
+    Vector environments have `set_attr` and `set_arguments`, those of Stable-Baselines3 `set_attr`
+    and `env_method("set_arguments", obstacles=20)`. Other arguments shape observations and are
+    fixed.
+
+    ## Copies
+    `copy.deepcopy` and `pickle` make copies that go on exactly as the original, with the same
+    fields to come. A copy takes some kilobytes, whatever `fields` is: it makes fields again from
+    seeds.
+
     ## Arguments
     All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. `capacity`
     matters only for vector environments; the scalar environment reallocates as needed.
@@ -144,7 +171,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | --- | --- | --- |
     | `suite` | standard | or sparse, dense, forest, traps |
     | `split` | train | or validation, test |
-    | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1 |
+    | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1; or the fields to draw |
     | `obstacles` | None | number of obstacles, instead of the suite's |
     | `radii` | None | their (minimum, maximum) radius [m], instead of the suite's |
     | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
@@ -154,6 +181,7 @@ class ObstacleField(gym.Env[Observation, Action]):
     | `focus` | 0.0 | distance ahead of the vehicle [m] of the point to which they are nearest |
     | `rays` | 64 | number of rays, at equal angles |
     | `view` | 30.0 | range of observation [m], by which lengths are divided |
+    | `flat` | False | whether observations are one vector |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
     | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
     | `render_mode` | None | or human, rgb_array, rgb_array_list |
@@ -179,8 +207,25 @@ class ObstacleField(gym.Env[Observation, Action]):
         "render_fps": 4,
     }
 
+    suite = Argument()
+    split = Argument()
+    fields = Argument()
+    obstacles = Argument()
+    radii = Argument()
+    gate = Argument()
+    segments = Argument()
+    observation = Argument()
+    nearest = Argument()
+    focus = Argument()
+    rays = Argument()
+    view = Argument()
+    flat = Argument()
+    detour = Argument()
+    failure = Argument()
+    capacity = Argument()
+
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
-        self.settings = settings_of(arguments, type(self).__name__, "render_mode")
+        settings = settings_of(arguments, type(self).__name__, "render_mode")
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(
                 f"unknown render mode {truncate_repr(render_mode)}; "
@@ -192,12 +237,26 @@ class ObstacleField(gym.Env[Observation, Action]):
 
             self.metadata = {**self.metadata, "render_fps": FPS}
         self.action_space = action_space()
-        self.observation_space = observation_space(self.settings)
-        self._simulator = BatchSimulator(self.settings, 1, DISABLED)
-        self._sizes = self.settings.layout.entries()
+        self.observation_space = observation_space(settings)
+        self._simulator = BatchSimulator(settings, 1, DISABLED)
+        self._sizes, self._flat = settings.layout.entries(), settings.flat
         self._field: Field | None = None
         self._spec: EnvSpec | None = None
         self._viewer: Any = None
+
+    @property
+    def settings(self) -> Settings:
+        """The arguments of the next flight; they are those of this one unless they were changed."""
+        return self._simulator.settings[0]
+
+    def set_arguments(self, **arguments: Any) -> None:
+        """Change arguments from the next reset on; see the class for which.
+
+        Raises:
+            ValueError: an argument that does not change between flights, or a bad value.
+        """
+        self._simulator.change({0: self.settings.changed(arguments)})
+        self.spec = self._spec
 
     @property
     def spec(self) -> EnvSpec | None:
@@ -242,21 +301,26 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Start a flight; see the class for which field it goes through.
 
         Raises:
             TypeError: obstacles other than discs.
-            ValueError: unknown options; a field of another type, an unknown name or a field that
-                is not planar; or a seed that is not an integer from 0 to 2**63 - 1.
+            ValueError: unknown options; a bad value of an argument; a field of another type, an
+                unknown name or a field that is not planar; or a seed that is not an integer
+                from 0 to 2**63 - 1.
         """
-        given, seed = known_options(options, "field").get("field"), as_seed(seed)
+        known, arguments = known_options(options, "field")
+        changes = {0: self.settings.changed(arguments)} if arguments else None
+        given, seed = known.get("field"), as_seed(seed)
         field = seed if given is None else as_field(given)
         if isinstance(field, Field):
             self._simulator.ensure_capacity(field)
         super().reset(seed=seed)
         renewed = np.array([seed is not None])
-        self._simulator.reset(_ONE, [field], [self.np_random], renewed)
+        self._simulator.reset(_ONE, [field], [self.np_random], renewed, changes)
+        if arguments:
+            self.spec = self._spec
         self._field = field if isinstance(field, Field) else None
         if self._viewer is not None:
             self._viewer.begin()
@@ -266,7 +330,7 @@ class ObstacleField(gym.Env[Observation, Action]):
 
     def step(
         self, action: NDArray[np.floating[Any]]
-    ) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
+    ) -> tuple[Any, float, bool, bool, dict[str, Any]]:
         """Fly one segment.
 
         Raises:
@@ -290,8 +354,9 @@ class ObstacleField(gym.Env[Observation, Action]):
             self._info(),
         )
 
-    def _observation(self) -> Observation:
-        return entries_of(self._simulator.observations.copy(), self._sizes)
+    def _observation(self) -> Observation | FlatObservation:
+        flat = self._simulator.observations.copy()
+        return flat if self._flat else entries_of(flat, self._sizes)
 
     def _info(self) -> dict[str, Any]:
         report = self._simulator.reports[0]

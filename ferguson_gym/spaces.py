@@ -12,8 +12,7 @@ from gymnasium.envs.registration import EnvSpec
 from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import real, truncate_repr
-from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.simulation.settings import CHANGEABLE, Settings
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.suites import LAST_SEED
 
@@ -23,14 +22,15 @@ def action_space() -> spaces.Space[Action]:
     return cast("spaces.Space[Action]", spaces.Box(-1.0, 1.0, (4,), np.float32))
 
 
-def observation_space(settings: Settings) -> spaces.Space[Observation]:
-    """The space of one vehicle's observations."""
+def observation_space(settings: Settings) -> spaces.Space[Any]:
+    """The space of one vehicle's observations: by entry, or a vector if they are flat."""
     low = {"mask": 0.0, "rays": 0.0}
     boxes: dict[str, spaces.Space[Any]] = {
         key: spaces.Box(low.get(key, -1.0), 1.0, (size,), np.float32)
         for key, size in settings.layout.entries().items()
     }
-    return cast("spaces.Space[Observation]", spaces.Dict(boxes))
+    space = spaces.Dict(boxes)
+    return cast("spaces.Space[Any]", spaces.flatten_space(space) if settings.flat else space)
 
 
 def with_steps(spec: EnvSpec | None, settings: Settings) -> EnvSpec | None:
@@ -72,19 +72,21 @@ def as_seed(seed: object) -> int | None:
     return int(seed)
 
 
-def known_options(options: object, *names: str) -> Mapping[str, Any]:
-    """Options of a reset as a mapping, empty for None.
+def known_options(options: object, *names: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Options of a reset: those of these names, and arguments that may change between flights.
 
     Raises:
-        ValueError: not a mapping, or one with other keys than `names`.
+        ValueError: not a mapping, or one with other keys.
     """
-    known = " and ".join(repr(name) for name in names)
     if options is None:
-        return {}
+        return {}, {}
+    names = (*names, *CHANGEABLE)
+    known = ", ".join(repr(name) for name in names)
     if not isinstance(options, Mapping):
         raise ValueError(
-            f"reset options are a dictionary with {known}, got {truncate_repr(options)}"
+            f"reset options are a dictionary with keys among {known}, got {truncate_repr(options)}"
         )
     if unknown := set(options) - set(names):
         raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")
-    return options
+    arguments = {name: options[name] for name in options if name in CHANGEABLE}
+    return {name: options[name] for name in options if name not in CHANGEABLE}, arguments

@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from ferguson_gym.arguments import VectorArguments
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import FlatObservation, Observation, entries_of
@@ -52,7 +53,7 @@ MOST = 10_000_000
 """Environments made at once; these would take some 50 GB."""
 
 
-class VectorObstacleField(VectorEnv[Observation, Action, Array]):
+class VectorObstacleField(VectorArguments, VectorEnv[Any, Action, Array]):
     """N independent environments `ferguson/ObstacleField-v0`, stepped together by compiled code.
 
     Each returns exactly the numbers of the scalar environment
@@ -77,6 +78,12 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
     `reset(seed=s)` gives environment i the seed s + i; `reset(seed=[...])` gives each its own, and
     None keeps an environment's random stream. `options={"field": ...}` takes a field or its name
     for all, or a list with one for each environment; None draws a field.
+
+    ## Changes between flights
+    `set_attr("obstacles", 20)` changes an argument of all environments, each from its next reset
+    on; a list has a value for each. `set_arguments` changes several at once, and
+    `reset(options={"obstacles": 20})` those of the environments that it resets. `get_attr` returns
+    the values.
 
     ## Info
     The scalar environment's keys as arrays (N,), each with a boolean mask `_key` of the entries
@@ -105,8 +112,8 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         **arguments: Any,
     ) -> None:
         own = ("num_envs", "autoreset_mode", "render_mode", "max_episode_steps")
-        self.settings = settings_of(arguments, type(self).__name__, *own)
-        self.settings = _limited(self.settings, max_episode_steps)
+        settings = settings_of(arguments, type(self).__name__, *own)
+        settings = _limited(settings, max_episode_steps)
         if not isinstance(num_envs, (int, np.integer)) or num_envs is True or num_envs < 1:
             raise ValueError(f"num_envs must be an integer >= 1, got {truncate_repr(num_envs)}")
         if num_envs > MOST:
@@ -128,14 +135,15 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         self.num_envs, self.render_mode = num_envs, render_mode
         self.metadata = {**type(self).metadata, "autoreset_mode": self.autoreset_mode}
         self.single_action_space = action_space()
-        self.single_observation_space = observation_space(self.settings)
+        self.single_observation_space = observation_space(settings)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self._simulator = BatchSimulator(self.settings, num_envs, _MODES[self.autoreset_mode])
-        self._sizes = self.settings.layout.entries()
+        self._simulator = BatchSimulator(settings, num_envs, _MODES[self.autoreset_mode])
+        self._sizes, self._flat = settings.layout.entries(), settings.flat
         self._all = np.ones(num_envs, np.bool_)
         self._streams: list[np.random.Generator] = []
         self._seeds: list[int] = []
+        self._begun = False
         self._spec: EnvSpec | None = None
         self._viewer: Any = None
 
@@ -184,7 +192,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         return self._simulator.state(index)
 
     def _started(self) -> None:
-        if self._simulator.outcome[0] == NOT_STARTED:
+        if not self._begun:
             raise RuntimeError("no fields yet: call reset() first")
 
     def control(self, index: int) -> Array:
@@ -200,17 +208,18 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         *,
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
-    ) -> tuple[Observation, dict[str, Any]]:
+    ) -> tuple[Any, dict[str, Any]]:
         """Start flights, all or those of `options["reset_mask"]`.
 
         Raises:
             TypeError: obstacles other than discs.
-            ValueError: lists of another length than N; unknown options; a mask of another type
+            ValueError: lists of another length than N; unknown options; a bad value of an argument;
+                a mask of another type
                 or shape, or without a True; a field of another type, an unknown name, a field
                 that is not planar or has too many obstacles; or a seed that is not an
                 integer from 0 to 2**63 - 1.
         """
-        asked_for = known_options(options, "field", "reset_mask")
+        asked_for, arguments = known_options(options, "field", "reset_mask")
         chosen = self._mask(asked_for.get("reset_mask"))
         fields = self._fields(asked_for.get("field"))
         seeds = self._seeds_of(seed)
@@ -226,9 +235,16 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
         asked = [
             given if given is not None else one for given, one in zip(fields, seeds, strict=True)
         ]
-        self._simulator.reset(chosen, asked, streams, renewed)
-        self._streams, self._seeds = streams, drawn_from
-        return self._observations(), self._infos(self._simulator.reports, chosen)
+        changes = self._changed(np.flatnonzero(chosen).tolist() if arguments else (), arguments)
+        self._simulator.reset(chosen, asked, streams, renewed, changes)
+        if arguments:
+            self.spec = self._spec
+        self._streams, self._seeds, self._begun = streams, drawn_from, True
+        reports = self._simulator.reports
+        if not chosen.all():
+            reports = reports.copy()
+            reports[~chosen] = 0  # as Gymnasium has it
+        return self._observations(), self._infos(reports, chosen)
 
     def _mask(self, mask: object) -> Flags:
         if mask is None:
@@ -269,7 +285,7 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
 
     def step(  # type: ignore[override]
         self, actions: Action
-    ) -> tuple[Observation, Array, Flags, Flags, dict[str, Any]]:
+    ) -> tuple[Any, Array, Flags, Flags, dict[str, Any]]:
         """Fly one segment in each environment, or reset it; see the class.
 
         Args:
@@ -298,24 +314,29 @@ class VectorObstacleField(VectorEnv[Observation, Action, Array]):
                 infos |= self._final(*self._simulator.final, ended)
         return self._observations(), reports["reward"].copy(), terminated, truncated, infos
 
-    def _observations(self) -> Observation:
-        return entries_of(self._simulator.observations.copy(), self._sizes, self.num_envs)
+    def _observations(self) -> Observation | FlatObservation:
+        return self._laid_out(self._simulator.observations)
+
+    def _laid_out(self, written: FlatObservation) -> Observation | FlatObservation:
+        """A copy of observations as they are returned: by entry, or flat (N, n)."""
+        if not self._flat:
+            return entries_of(written.copy(), self._sizes, self.num_envs)
+        entries = entries_of(written, self._sizes, self.num_envs)
+        return np.concatenate(list(entries.values()), axis=1)
 
     def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
-        """Infos of the known environments, and zeros for the others, as Gymnasium has it."""
         infos: dict[str, Any] = {}
         for key in INFOS:
-            values = reports[key].copy()
-            if known is not self._all:
-                values[~known] = 0
-            infos[key], infos[f"_{key}"] = values, known.copy()
+            infos[key], infos[f"_{key}"] = reports[key].copy(), known.copy()
         return infos
 
     def _final(self, flat: FlatObservation, reports: Records, ended: Flags) -> dict[str, Any]:
-        seen = entries_of(flat.copy(), self._sizes, self.num_envs)
+        seen: Any = self._laid_out(flat)
         observations = np.full(self.num_envs, None, dtype=object)
         for i in np.flatnonzero(ended).tolist():
-            observations[i] = {key: value[i] for key, value in seen.items()}
+            observations[i] = (
+                seen[i] if self._flat else {key: value[i] for key, value in seen.items()}
+            )
         return {
             "final_obs": observations,
             "_final_obs": ended.copy(),

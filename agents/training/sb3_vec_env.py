@@ -6,18 +6,15 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
+from ferguson_gym.arguments import PER_ENVIRONMENT, check_changeable
 from ferguson_gym.simulation.settings import check_arguments
 from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.spaces import as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
-
-_EACH = ("field", "state", "control", "refused")
-"""Methods of the vector environment that take the number of an environment."""
 
 Observations = NDArray[np.float32] | dict[str, NDArray[np.float32]]
 
@@ -32,24 +29,20 @@ class ObstacleFieldVecEnv(VecEnv):
 
     Args:
         num_envs: N.
-        flat: observations as one vector, in the order of `gymnasium.spaces.flatten`, instead
-            of a dictionary.
-        arguments: of the environment.
+        arguments: of the environment; with `flat=True` observations are vectors.
 
     Raises:
         ValueError, TypeError: as the vector environment.
     """
 
-    def __init__(self, num_envs: int, *, flat: bool = False, **arguments: Any) -> None:
+    def __init__(self, num_envs: int, **arguments: Any) -> None:
         mode = AutoresetMode.SAME_STEP
-        check_arguments(arguments, type(self).__name__, "num_envs", "flat", "render_mode")
+        check_arguments(arguments, type(self).__name__, "num_envs", "render_mode")
         self.envs = VectorObstacleField(num_envs, autoreset_mode=mode, **arguments)
-        self._flat = flat
         self.render_mode = self.envs.render_mode
-        single = self.envs.single_observation_space
-        self._keys = list(single.spaces) if isinstance(single, spaces.Dict) else []
-        shown = spaces.flatten_space(single) if flat else single
-        super().__init__(num_envs, shown, self.envs.single_action_space)
+        super().__init__(
+            num_envs, self.envs.single_observation_space, self.envs.single_action_space
+        )
 
     def reset(self) -> Observations:
         """Start all flights, with the seeds and options set before; these apply only once.
@@ -57,12 +50,17 @@ class ObstacleFieldVecEnv(VecEnv):
         Raises:
             TypeError, ValueError: as the vector environment.
         """
-        fields = [known_options(options, "field").get("field") for options in self._options]
+        given = [known_options(options, "field") for options in self._options]
+        for i, (_, arguments) in enumerate(given):
+            if arguments:
+                self.envs.set_arguments([i], **arguments)
+        fields = [options.get("field") for options, _ in given]
         observation, infos = self.envs.reset(seed=self._seeds, options={"field": fields})
         self._reset_seeds()
         self._reset_options()
         self.reset_infos = _rows([infos[key] for key in INFOS])
-        return self._laid_out(observation)
+        seen: Observations = observation
+        return seen
 
     def step_async(self, actions: NDArray[np.floating[Any]]) -> None:
         """Keep the actions (N, 4) for `step_wait`."""
@@ -88,16 +86,8 @@ class ObstacleFieldVecEnv(VecEnv):
         for report, late in zip(reports, (truncated & ~terminated).tolist(), strict=True):
             report["TimeLimit.truncated"] = late
         for i in np.flatnonzero(done).tolist():
-            last = infos["final_obs"][i]
-            reports[i]["terminal_observation"] = (
-                np.concatenate([last[key] for key in self._keys]) if self._flat else last
-            )
-        return self._laid_out(observation), reward.astype(np.float32), done, reports
-
-    def _laid_out(self, observation: dict[str, NDArray[np.float32]]) -> Observations:
-        if not self._flat:
-            return observation
-        return np.concatenate([observation[key] for key in self._keys], axis=1)
+            reports[i]["terminal_observation"] = infos["final_obs"][i]
+        return observation, reward.astype(np.float32), done, reports
 
     def close(self) -> None:
         """Release the resources of rendering."""
@@ -109,38 +99,36 @@ class ObstacleFieldVecEnv(VecEnv):
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """An attribute, as single environments have it."""
-        chosen = list(self._get_indices(indices))
-        if attr_name in ("observation_space", "action_space"):
-            return [getattr(self, attr_name)] * len(chosen)
-        value = getattr(self.envs, attr_name)
-        if attr_name in _EACH:
-            return [value(i) for i in chosen]
-        if attr_name in ("np_random", "np_random_seed"):
-            if not value:
-                raise RuntimeError("nothing is seeded yet: call reset() first")
-            return [value[i] for i in chosen]
-        return [value] * len(chosen)
+        values = self.envs.get_attr(attr_name)
+        return [values[i] for i in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused, since the arguments of environments are fixed.
+        """Change an argument of environments from their next flights on.
 
         Raises:
-            AttributeError: always.
+            AttributeError: an argument that does not change between flights, or no argument.
+            ValueError: a bad value.
         """
-        raise AttributeError(f"{attr_name} cannot be set; make a new {type(self).__name__}")
+        check_changeable(attr_name, self)
+        self.envs.set_arguments(self._get_indices(indices), **{attr_name: value})
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Call a method (`field`, `state`, `control` or `refused`) for environments.
+        """Call a method (`set_arguments`, `field`, `state`, `control`, `refused`) for environments.
 
         Raises:
             AttributeError: any other method.
         """
-        if method_name not in _EACH:
+        known = ("set_arguments", *PER_ENVIRONMENT)
+        if method_name not in known:
             raise AttributeError(
-                f"no method {method_name!r} of single environments; methods are {', '.join(_EACH)}"
+                f"no method {method_name!r} of single environments; methods are {', '.join(known)}"
             )
+        if method_name == "set_arguments":
+            chosen = list(self._get_indices(indices))
+            self.envs.set_arguments(chosen, *method_args, **method_kwargs)
+            return [None] * len(chosen)
         method = getattr(self.envs, method_name)
         return [method(i, *method_args, **method_kwargs) for i in self._get_indices(indices)]
 

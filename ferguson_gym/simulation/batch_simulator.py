@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numba
 import numpy as np
@@ -12,15 +12,18 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import SPIN_LIMIT, HelperThreads, new_counters
 from ferguson_gym.simulation import step_kernel
+from ferguson_gym.simulation.drawn_fields import DrawnFields, given_field, put
 from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.observations import FlatObservation
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.step_buffers import (
     DISABLED,
     Flags,
+    Integers,
     Records,
     as_plain_tuple,
     make_buffers,
+    write_rules,
 )
 from ferguson_gym.world.actions import Action, check_action
 from ferguson_gym.world.field import Field
@@ -30,33 +33,59 @@ from ferguson_gym.world.transition import FLOWN, State
 FIRST_BLOCK, BLOCK = 64, 256
 """Seeds of later resets that are drawn at a time: the first time, when each may be a new field
 whose discs must be drawn, and afterwards, when the number hardly matters."""
+PIECE = 8
+"""Fields that are made at a time of seeds that were drawn before: few, for copies that are soon
+thrown away."""
 EMPTY = BLOCK + 1
 """`next` in the queue of a vehicle for which nothing was drawn yet."""
 MANY = 64
 """Number of vehicles from which on threads share the work."""
+ROOM = 16_384
+"""Drawn fields for which there is room from the beginning."""
+SOURCES = 8
+"""Sources of drawn fields that are kept beside those in use."""
 
 NOT_STARTED = -1
 """The outcome before the first reset."""
+
+Given: TypeAlias = Field | tuple[Settings, int]
+"""A field, or the settings and the seed that make it."""
+
+_COPIED = ("observations", "reports", "final_observations", "final_reports")
+"""Buffers that a copy holds as they are."""
 
 
 class BatchSimulator:
     """N vehicles, each in a field of its own.
 
-    The field store has a slot for each vehicle, for fields that were asked for. Behind them it has
-    a slot for each of the `settings.fields` seeds from which later resets draw; these are filled
-    in the order in which seeds are drawn for the first time.
+    The field store has a slot for each vehicle, for fields that were asked for. Behind them are
+    the fields that resets draw, in the order in which they are drawn for the first time.
+
+    A copy, by pickle or by deepcopy, holds the flights and the seeds of fields that are still to be
+    flown, but no drawn fields; it makes them again as its vehicles need them.
     """
 
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
+        each = [settings] * number
+        room = min(settings.number, ROOM)
+        self._make(each, mode, room, settings.max_obstacles, settings.segments)
+
+    def _make(
+        self, settings: list[Settings], mode: int, room: int, capacity: int, segments: int
+    ) -> None:
+        number = len(settings)
         self.settings, self.number = settings, number
-        self._store = FieldStore(number + settings.fields, settings.max_obstacles)
-        self._buffers = make_buffers(settings, number, self._store.arrays, mode, BLOCK)
+        self._store = FieldStore(number + room, capacity)
+        self._drawn = DrawnFields(self._store, number)
+        self._buffers = make_buffers(
+            settings[0], number, self._store.arrays, mode, BLOCK, longest=segments
+        )
         flights = self._buffers.flights
         flights["outcome"], flights["next"] = NOT_STARTED, EMPTY
         self._plain_buffers = as_plain_tuple(self._buffers)
-        self._given_fields: list[Field | None] = [None] * number
-        self._drawn_seeds: list[int] = []
-        self._slot_of = np.zeros(settings.fields, np.int64)  # 0, a vehicle's slot: not drawn yet
+        self._given: list[Given | None] = [None] * number
+        # seeds that were drawn, of fields that are not made yet; they come before the queue
+        self._pending: dict[int, Integers] = {}
         self._all = np.ones(number, np.bool_)
         self._counters = new_counters()
         self._helpers: HelperThreads | None = None
@@ -74,9 +103,65 @@ class BatchSimulator:
             ValueError: a field that is not planar.
         """
         self._store.ensure_capacity(field)
-        self._buffers = self._buffers._replace(fields=self._store.arrays)
+        self._use_arrays()
+
+    def _use_arrays(self, **replaced: Any) -> None:
+        """Step on with the store's arrays, if these are other ones, and with replaced buffers."""
+        if self._buffers.fields is self._store.arrays and not replaced:
+            return
+        self._buffers = self._buffers._replace(fields=self._store.arrays, **replaced)
         self._plain_buffers = as_plain_tuple(self._buffers)
         self._helpers = None  # which step the old buffers
+
+    def change(self, changes: Mapping[int, Settings]) -> None:
+        """Give vehicles other settings, of the same observations, from their next flight on.
+
+        Seeds that were drawn stay, unless they are drawn from another number of fields or pool.
+        """
+        flights, longest = self._buffers.flights, self._buffers.paths.shape[1] - 1
+        for i, new in changes.items():
+            old, self.settings[i] = self.settings[i], new
+            write_rules(self._buffers.rules[i], new)
+            longest = max(longest, new.segments)
+            if new.source == old.source or flights["next"][i] == EMPTY:
+                continue
+            if new.fields == old.fields:
+                self._postpone(i)
+            else:
+                flights["next"][i] = EMPTY
+                self._pending.pop(i, None)
+        capacity = max((new.max_obstacles for new in changes.values()), default=0)
+        self._store.make_room(0, capacity)
+        paths = self._buffers.paths
+        if longest >= paths.shape[1]:
+            paths = np.zeros((self.number, longest + 1, 4, 2))
+            paths[:, : self._buffers.paths.shape[1]] = self._buffers.paths
+            self._use_arrays(paths=paths)
+        self._use_arrays()
+        if self._drawn.sources > SOURCES + len({one.source for one in set(self.settings)}):
+            self._forget()
+
+    def _upcoming(self, i: int) -> Integers:
+        """Seeds of the fields that a vehicle flies next, as far as they are drawn."""
+        slots = self._buffers.queue[i, self._buffers.flights["next"][i] :].tolist()
+        queued = np.array([self._drawn.origin(slot)[1] for slot in slots], np.int64)
+        return np.concatenate([queued, self._pending.get(i, queued[:0])])
+
+    def _postpone(self, i: int) -> None:
+        """Make the fields in a vehicle's queue later."""
+        self._pending[i] = self._upcoming(i)
+        self._buffers.flights["next"][i] = BLOCK
+
+    def _forget(self) -> None:
+        """Forget all drawn fields but those that are being flown, which move to vehicles' slots."""
+        flights = self._buffers.flights
+        for i in np.flatnonzero(flights["next"] <= BLOCK).tolist():
+            self._postpone(i)
+        for i in np.flatnonzero(flights["slot"] >= self.number).tolist():
+            slot = int(flights["slot"][i])
+            self._given[i], flights["slot"][i] = self._drawn.origin(slot), i
+            self._store.move(slot, i)
+        self._drawn.clear()
 
     def reset(
         self,
@@ -84,6 +169,7 @@ class BatchSimulator:
         fields: Sequence[Field | int | None],
         streams: Sequence[np.random.Generator],
         renewed: Flags,
+        changes: Mapping[int, Settings] | None = None,
     ) -> None:
         """Start flights; `observations` and `reports` are written for all vehicles.
 
@@ -92,30 +178,43 @@ class BatchSimulator:
             fields: for each a field, the seed of one, or None to draw the next from its stream.
             streams: (N,) random streams from which the seeds of later fields are drawn.
             renewed: (N,) streams that were seeded again; seeds drawn from them before are dropped.
+            changes: new settings of vehicles, as for `change`.
 
         Raises:
             TypeError: obstacles other than discs.
             ValueError: a field that is not planar or has more obstacles than the capacity. In
                 either case nothing has changed.
         """
-        flights, which = self._buffers.flights, np.flatnonzero(chosen).tolist()
-        asked_for = {}
-        for i in which:
-            if (field := fields[i]) is not None:
-                asked_for[i] = field if isinstance(field, Field) else self.settings.field(field)
-                self._store.check(asked_for[i])
+        which = np.flatnonzero(chosen).tolist()
+        asked_for = [i for i in which if fields[i] is not None]
+        for i in asked_for:
+            if isinstance(field := fields[i], Field):
+                self._store.check(field)
+        if changes:
+            self.change(changes)
+        flights = self._buffers.flights
         flights["next"][renewed] = EMPTY
+        for i in np.flatnonzero(renewed).tolist() if self._pending else ():
+            self._pending.pop(i, None)
         drawn = chosen.copy()
-        drawn[list(asked_for)] = False
+        drawn[asked_for] = False
         self._draw_ahead(drawn, streams)
         for i in which:
-            if i in asked_for:
-                self._store.put(i, asked_for[i])
-                self._given_fields[i], flights["slot"][i] = asked_for[i], i
-            else:
+            field = fields[i]
+            if field is None:
                 flights["slot"][i] = self._buffers.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
+            else:
+                self._put(i, field if isinstance(field, Field) else (self.settings[i], field))
         step_kernel.reset(self._plain_buffers, chosen)
+
+    def _put(self, i: int, given: Given) -> None:
+        """Write a field into a vehicle's slot."""
+        if isinstance(given, Field):
+            self._store.put(i, given)
+        else:
+            put(self._store, i, *given)
+        self._given[i], self._buffers.flights["slot"][i] = given, i
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -137,8 +236,41 @@ class BatchSimulator:
         step_kernel.advance(self._plain_buffers, self._counters)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Everything but threads; a copy starts its own."""
-        return self.__dict__ | {"_helpers": None}
+        """The flights and what they fly next; neither drawn fields nor threads."""
+        buffers, flights = self._buffers, self._buffers.flights
+        flown = np.arange(buffers.paths.shape[1]) <= flights["segments"][:, None]
+        begun = range(self.number) if flights["outcome"][0] != NOT_STARTED else ()
+        return {
+            "settings": self.settings,
+            "mode": buffers.mode,
+            "capacity": self._store.capacity,
+            "longest": buffers.paths.shape[1] - 1,
+            "flights": flights,
+            "paths": buffers.paths[flown],
+            "given": {i: self._flown(i) for i in begun},
+            "upcoming": {
+                i: self._upcoming(i).astype(np.int32)
+                for i in np.flatnonzero(flights["next"] <= BLOCK).tolist()
+            },
+            **{name: getattr(buffers, name) for name in _COPIED},
+        }
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Go on as the original; fields are made again from their seeds."""
+        settings = list(state["settings"])
+        self._make(settings, state["mode"], PIECE, state["capacity"], state["longest"])
+        buffers, flights = self._buffers, self._buffers.flights
+        flights[:] = state["flights"]
+        flown = np.arange(buffers.paths.shape[1]) <= flights["segments"][:, None]
+        buffers.paths[flown] = state["paths"]
+        for name in _COPIED:
+            getattr(buffers, name)[:] = state[name]
+        for i, one in enumerate(settings):
+            write_rules(buffers.rules[i], one)
+        for i, given in state["given"].items():
+            self._put(i, given)
+        for i, seeds in state["upcoming"].items():
+            self._pending[i], flights["next"][i] = seeds.astype(np.int64), BLOCK
 
     def _start_helpers(self) -> HelperThreads:
         # locals, since threads that referred to `self` would keep it alive
@@ -150,25 +282,26 @@ class BatchSimulator:
         )
 
     def _draw_ahead(self, chosen: Flags, streams: Sequence[np.random.Generator]) -> None:
-        """Draw a block of seeds for each chosen vehicle whose queue is used up."""
+        """Fill the queue of each chosen vehicle that has used it up.
+
+        Seeds that were drawn before come first, a few at a time; then a block is drawn.
+        """
         flights = self._buffers.flights
         for i in np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist():
-            size = FIRST_BLOCK if flights["next"][i] == EMPTY else BLOCK
-            seeds = streams[i].integers(self.settings.fields, size=size)
-            slots = self._slot_of[seeds]
-            if not slots.all():
-                self._store_fields(seeds[slots == 0].tolist())
-                slots = self._slot_of[seeds]
-            self._buffers.queue[i, BLOCK - size :], flights["next"][i] = slots, BLOCK - size
-
-    def _store_fields(self, seeds: list[int]) -> None:
-        """Draw the discs of seeds that have no slot yet."""
-        for seed in seeds:
-            if self._slot_of[seed] == 0:
-                slot = self.number + len(self._drawn_seeds)
-                self._store.put_discs(slot, self.settings.discs(seed))
-                self._drawn_seeds.append(seed)
-                self._slot_of[seed] = slot
+            settings, waiting = self.settings[i], self._pending.get(i)
+            if waiting is not None and len(waiting):
+                seeds, waiting = waiting[:PIECE], waiting[PIECE:]
+            else:
+                size = FIRST_BLOCK if flights["next"][i] == EMPTY else BLOCK
+                seeds = streams[i].integers(settings.number, size=size)
+            first = BLOCK - len(seeds)
+            self._buffers.queue[i, first:] = self._drawn.slots(settings, seeds)
+            flights["next"][i] = first
+            if waiting is not None:
+                self._pending[i] = waiting
+                if not len(waiting):
+                    del self._pending[i]
+        self._use_arrays()
 
     @property
     def observations(self) -> FlatObservation:
@@ -185,11 +318,16 @@ class BatchSimulator:
         """In SAME_STEP, last observations and infos of flights that ended in the last step."""
         return self._buffers.final_observations, self._buffers.final_reports
 
+    def _flown(self, i: int) -> Given:
+        """What a vehicle flies through."""
+        slot = int(self._buffers.flights["slot"][i])
+        given = self._given[i] if slot < self.number else self._drawn.origin(slot)
+        assert given is not None
+        return given
+
     def field(self, i: int) -> Field:
         """The field in which a vehicle flies."""
-        slot = int(self._buffers.flights["slot"][i])
-        given = self._given_fields[slot] if slot < self.number else None
-        return given or self.settings.field(self._drawn_seeds[slot - self.number])
+        return given_field(self._flown(i))
 
     def state(self, i: int) -> State:
         """A vehicle's state in double precision."""

@@ -38,7 +38,7 @@ class FieldStore:
     """Holds fields of at most M = `capacity` discs in numbered slots.
 
     Slots beyond the last filled one take no memory, since the operating system provides zeros on
-    first use.
+    first use. When the slots or the capacity no longer suffice, `arrays` are replaced.
     """
 
     def __init__(self, slots: int, capacity: int) -> None:
@@ -58,15 +58,27 @@ class FieldStore:
             TypeError: obstacles other than discs.
             ValueError: a field that is not planar.
         """
-        capacity = len(planar_discs(field))
-        old = self.arrays.discs
-        if capacity > old.shape[2]:
-            used = slice(self.used)
-            discs = np.zeros((*old.shape[:2], capacity))
-            discs[used, 2] = -np.inf
-            discs[used, :, : old.shape[2]] = old[used]
-            self.arrays = self.arrays._replace(discs=discs)
+        self.make_room(0, len(planar_discs(field)))
+
+    def make_room(self, slots: int, capacity: int = 0) -> None:
+        """Provide at least so many slots, for at least so many discs each."""
+        records, old = self.arrays
         self.capacity = max(self.capacity, capacity)
+        if slots <= len(records) and self.capacity <= old.shape[2]:
+            return
+        if slots > len(records):  # doubled, so that a field is seldom copied
+            slots, used = max(slots, 2 * len(records)), records[: self.used]
+            records = np.zeros(slots, FIELD_RECORD)
+            records[: self.used] = used
+        discs = np.zeros((len(records), 3, max(self.capacity, old.shape[2])))
+        discs[: self.used, 2] = -np.inf
+        discs[: self.used, :, : old.shape[2]] = old[: self.used]
+        self.arrays = FieldArrays(records, discs)
+
+    def move(self, source: int, slot: int) -> None:
+        """Copy a field into another slot."""
+        self.arrays.records[slot] = self.arrays.records[source]
+        self.arrays.discs[slot] = self.arrays.discs[source]
 
     def check(self, field: Field) -> None:
         """Refuse a field that the store cannot hold.

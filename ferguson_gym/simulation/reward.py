@@ -2,23 +2,12 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from ferguson_gym.runtime.jit import compiled
-
-
-class Penalties(NamedTuple):
-    """Weights of the penalties; all progress from start to goal together is rewarded with 1."""
-
-    detour: float
-    """Weight of length beyond progress, as a fraction of the straight distance."""
-    failure: float
-    """Subtracted if a flight ends without reaching the goal."""
 
 
 @compiled
 def segment_reward(
-    before: float, after: float, length: float, distance: float, penalties: Penalties
+    before: float, after: float, length: float, distance: float, detour: float
 ) -> float:
     """Reward of a segment that was flown, without the penalty for failure.
 
@@ -27,6 +16,7 @@ def segment_reward(
     all segments sums to at most D, and no segment is shorter than its progress, so loops are never
     rewarded. `before` and `after` are straight distances to the goal [m], `distance` is that of the
     start.
+    `detour` weighs length beyond progress; all progress together is rewarded with 1.
     """
     progress = before - after
-    return (progress - penalties.detour * (length - progress)) / distance
+    return (progress - detour * (length - progress)) / distance

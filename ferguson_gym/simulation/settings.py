@@ -3,35 +3,38 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral, Real
 from typing import Any
 
+import numpy as np
+
 from ferguson_gym.runtime.arrays import finite, truncate_repr
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
-from ferguson_gym.simulation.reward import Penalties
 from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_pool import MAX_FIELDS, FieldPool
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.suites import (
     SUITES,
     Recipe,
-    Scattered,
     check_suite,
+    max_discs,
     suite_discs,
     with_overrides,
 )
 
-MAX_FIELDS = 1_000_000
-"""Upper limit of `fields`; each takes an entry of an array."""
 MAX_OBSTACLES = 10_000
 """Upper limit of `obstacles` and `capacity`, and of `rays`, `nearest` and `segments`."""
 MAX_VIEW = 1000.0
 """Upper limit of `view` [m]."""
-MAX_OBSTACLES_IN_TRAPS = 117
-"""Obstacles of suite `traps`: five pockets of at most 21 discs, and 12 single discs."""
+CHANGEABLE = (
+    *("suite", "split", "fields", "obstacles", "radii"),
+    *("gate", "segments", "detour", "failure"),
+)
+"""Arguments that may change between flights: all but those that shape observations."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +47,7 @@ class Settings:
 
     suite: str = "standard"
     split: str = "train"
-    fields: int = 10_000
+    fields: Any = 10_000  # a number, or a pool, which is made of anything that names fields
     obstacles: int | None = None
     radii: Sequence[float] | None = None
     gate: float = PAPER_LIMITS.gate
@@ -54,6 +57,7 @@ class Settings:
     focus: float = 0.0
     rays: int = 64
     view: float = 30.0
+    flat: bool = False
     detour: float = 4.0
     failure: float = 2.0
     capacity: int | None = None
@@ -64,8 +68,9 @@ class Settings:
                 raise ValueError(f"{name} must be a name, got {truncate_repr(given)}")
         check_suite(self.suite, self.split)
         self._check_numbers()
-        if not 1 <= self.fields <= MAX_FIELDS:
-            raise ValueError(f"resets draw from 1 to {MAX_FIELDS} fields, got fields={self.fields}")
+        self._check_fields()
+        if type(self.flat) is not bool:
+            raise ValueError(f"flat is True or False, got {truncate_repr(self.flat)}")
         for name in ("obstacles", "capacity"):
             number = getattr(self, name)
             if number is not None and not 0 <= number <= MAX_OBSTACLES:
@@ -84,15 +89,28 @@ class Settings:
         for name in ("detour", "failure"):
             if not 0.0 <= (penalty := getattr(self, name)) <= 100.0:
                 raise ValueError(f"the penalty {name} lies between 0 and 100, got {penalty}")
-        if self.capacity is not None and self.capacity < self._suite_maximum():
+        if self.capacity is not None and self.capacity < self._most_discs():
             raise ValueError(
-                f"the suite's fields have up to {self._suite_maximum()} obstacles, "
+                f"the fields have up to {self._most_discs()} obstacles, "
                 f"more than capacity={self.capacity}"
             )
         _ = self.limits, self.recipe  # which check what they are made from
 
+    def _check_fields(self) -> None:
+        number: Any = self.fields
+        if type(number) is bool or not isinstance(number, (int, np.integer)):
+            object.__setattr__(self, "fields", FieldPool.of(self.fields))
+            for name in ("obstacles", "radii"):
+                if getattr(self, name) is not None:
+                    raise ValueError(
+                        f"{name} changes the fields of a suite, and fields={self.fields!r} names "
+                        f"others: leave {name} out"
+                    )
+        elif not 1 <= number <= MAX_FIELDS:
+            raise ValueError(f"resets draw from 1 to {MAX_FIELDS} fields, got fields={self.fields}")
+
     def _check_numbers(self) -> None:
-        whole = ("fields", "obstacles", "segments", "nearest", "rays", "capacity")
+        whole = ("obstacles", "segments", "nearest", "rays", "capacity")
         for name in (*whole, "gate", "focus", "view", "detour", "failure"):
             given = getattr(self, name)
             if given is None and name in ("obstacles", "capacity"):
@@ -109,11 +127,6 @@ class Settings:
     def limits(self) -> Limits:
         """Limits of a flight."""
         return replace(PAPER_LIMITS, gate=float(self.gate), segments=int(self.segments))
-
-    @property
-    def penalties(self) -> Penalties:
-        """Weights of the penalties in the reward."""
-        return Penalties(float(self.detour), float(self.failure))
 
     @property
     def recipe(self) -> Recipe:
@@ -133,24 +146,65 @@ class Settings:
     @property
     def max_obstacles(self) -> int:
         """Number of obstacles that a field may have."""
-        return self._suite_maximum() if self.capacity is None else self.capacity
+        return self._most_discs() if self.capacity is None else self.capacity
 
-    def _suite_maximum(self) -> int:
-        recipe = self.recipe
-        return sum(recipe.designs) if isinstance(recipe, Scattered) else MAX_OBSTACLES_IN_TRAPS
+    def _most_discs(self) -> int:
+        return max_discs(self.suite, self.recipe) if self.pool is None else self.pool.max_obstacles
+
+    @property
+    def pool(self) -> FieldPool | None:
+        """The pool from which resets draw, unless they draw fields of the suite."""
+        return self.fields if isinstance(self.fields, FieldPool) else None
+
+    @property
+    def number(self) -> int:
+        """Number of fields from which resets draw, those of the seeds 0 to `number` - 1."""
+        return int(self.fields) if self.pool is None else len(self.pool)
+
+    @property
+    def source(self) -> Hashable:
+        """What decides on the field of a seed: equal for settings that give the same fields."""
+        if self.pool is not None:
+            return self.pool
+        return self.suite, self.split, self.fields, self.obstacles, self.radii
 
     def discs(self, seed: int) -> Discs:
-        """The discs of a seed's field."""
+        """The discs of a seed's field in the suite."""
         return suite_discs(self.suite, self.split, seed, self.recipe)
 
     def field(self, seed: int) -> Field:
-        """The field of a seed; its name tells what was overridden."""
+        """The field of a seed; its name tells what was overridden.
+
+        From a pool of n fields a seed chooses the one of the number `seed` modulo n.
+        """
+        if self.pool is not None:
+            return self.pool[seed % len(self.pool)]
         name = f"{self.suite}/{self.split}:{seed}"
         if self.obstacles is not None:
             name += f", {self.obstacles} obstacles"
         if self.radii is not None:
             name += f", radii {self.radii[0]:g} to {self.radii[1]:g} m"
         return Field(name=name, obstacles=self.discs(seed))
+
+    def changed(self, changes: Mapping[str, Any]) -> Settings:
+        """These settings with other values of arguments that may change between flights.
+
+        Raises:
+            ValueError: another argument, or as `Settings`.
+        """
+        for name in changes:
+            if name not in CHANGEABLE:
+                raise ValueError(
+                    f"{name} does not change between flights; {', '.join(CHANGEABLE)} do"
+                )
+        return replace(self, **changes)
+
+    def __deepcopy__(self, memo: Any) -> Settings:
+        return self  # they cannot change
+
+
+ARGUMENTS = tuple(field.name for field in dataclasses.fields(Settings))
+"""Names of all arguments that scalar and vector environments share."""
 
 
 def check_arguments(arguments: Iterable[str], of: str, *others: str) -> None:
@@ -166,7 +220,7 @@ def check_arguments(arguments: Iterable[str], of: str, *others: str) -> None:
     Raises:
         TypeError: an unknown argument.
     """
-    known = [*(field.name for field in dataclasses.fields(Settings)), *others]
+    known = [*ARGUMENTS, *others]
     for name in arguments:
         if name not in known:
             raise TypeError(

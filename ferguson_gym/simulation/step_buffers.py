@@ -14,7 +14,6 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.simulation.field_store import FieldArrays
 from ferguson_gym.simulation.observations import FlatObservation, Layout
-from ferguson_gym.simulation.reward import Penalties
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.limits import LimitValues
@@ -29,6 +28,17 @@ DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
 INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
 """Keys of `info`."""
 
+RULES = np.dtype(
+    [
+        ("gate", np.float64),
+        ("most", np.int64),
+        ("detour", np.float64),
+        ("failure", np.float64),
+    ]
+)
+"""How a flight is judged: gate [m], maximum number of segments, and penalties in the reward for
+length beyond progress and for an end anywhere but on the goal."""
+
 FLIGHT = np.dtype(
     [
         ("slot", np.int64),
@@ -39,11 +49,12 @@ FLIGHT = np.dtype(
         ("path_length", np.float64),
         ("clearance", np.float64),
         ("next", np.int64),
+        *RULES.descr,
     ]
 )
 """A vehicle: the slot of its field, position [m], derivative [m per unit t], segments flown,
-code of the outcome, length flown and least clearance so far [m], and the index in its queue of
-the field that it flies next."""
+code of the outcome, length flown and least clearance so far [m], the index in its queue of the
+field that it flies next, and the rules of this flight."""
 
 REPORT = np.dtype(
     [
@@ -69,14 +80,15 @@ class StepBuffers(NamedTuple):
 
     fields: FieldArrays
     limits: LimitValues
-    penalties: Penalties
     layout: Layout
     mode: int
     """DISABLED, NEXT_STEP or SAME_STEP."""
     flights: Records
     """(N,) of FLIGHT; changed by each step."""
+    rules: Records
+    """(N,) of RULES, for flights that start; those under way keep theirs."""
     paths: Array
-    """(N, segments + 1, 4, 2) segments flown, then the last one that was refused."""
+    """(N, S, 4, 2) segments flown, then the last one that was refused."""
     queue: Integers
     """(N, B) slots of the fields that later resets will fly."""
     actions: Action
@@ -88,13 +100,18 @@ class StepBuffers(NamedTuple):
     final_observations: FlatObservation
     """SAME_STEP: the last observations of flights that ended."""
     final_reports: Records
-    """SAME_STEP: infos of flights that ended."""
+    """SAME_STEP: infos of flights that ended, zeros for the others."""
 
 
 def make_buffers(
-    settings: Settings, number: int, fields: FieldArrays, mode: int, queue: int = 1
+    settings: Settings,
+    number: int,
+    fields: FieldArrays,
+    mode: int,
+    queue: int = 1,
+    longest: int = 0,
 ) -> StepBuffers:
-    """Buffers of so many vehicles, zero throughout.
+    """Buffers of so many vehicles, zero throughout but for the rules of their flights.
 
     Args:
         settings: of the environment.
@@ -102,17 +119,22 @@ def make_buffers(
         fields: where vehicles fly.
         mode: DISABLED, NEXT_STEP or SAME_STEP.
         queue: fields B that each vehicle's queue holds.
+        longest: segments for which there is room, if more than those of the settings.
     """
-    layout = settings.layout
+    layout, rules = settings.layout, np.zeros(number, RULES)
+    write_rules(rules, settings)
+    flights = np.zeros(number, FLIGHT)
+    for name in RULES.names or ():
+        flights[name] = rules[name]
     values, ended = sum(layout.entries().values()), number if mode == SAME_STEP else 0
     return StepBuffers(
         fields=fields,
         limits=settings.limits.numbers(),
-        penalties=settings.penalties,
         layout=layout,
         mode=mode,
-        flights=np.zeros(number, FLIGHT),
-        paths=np.zeros((number, settings.segments + 1, 4, 2)),
+        flights=flights,
+        rules=rules,
+        paths=np.zeros((number, max(longest, settings.segments) + 1, 4, 2)),
         queue=np.zeros((number, queue), np.int64),
         actions=np.zeros((number, 4), np.float32),
         observations=np.zeros(number * values, np.float32),
@@ -120,6 +142,12 @@ def make_buffers(
         final_observations=np.zeros(ended * values, np.float32),
         final_reports=np.zeros(ended, REPORT),
     )
+
+
+def write_rules(rules: Records, settings: Settings) -> None:
+    """Write the rules that some settings make into records of RULES."""
+    rules["gate"], rules["most"] = settings.gate, settings.segments
+    rules["detour"], rules["failure"] = settings.detour, settings.failure
 
 
 PlainTuple: TypeAlias = tuple[Any, ...]
@@ -137,7 +165,6 @@ def as_buffers(given: PlainTuple) -> StepBuffers:
     return StepBuffers(
         FieldArrays(*given[0]),
         LimitValues(*given[1]),
-        Penalties(*given[2]),
-        Layout(*given[3]),
-        *given[4:],
+        Layout(*given[2]),
+        *given[3:],
     )

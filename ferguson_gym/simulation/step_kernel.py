@@ -48,8 +48,10 @@ CACHE_LINE = 64
 
 @compiled_in_place
 def _reset_vehicle(buffers: StepBuffers, i: int) -> None:
-    flight, fields = buffers.flights[i], buffers.fields
+    flight, fields, rules = buffers.flights[i], buffers.fields, buffers.rules[i]
     field = fields.records[flight.slot]
+    flight.gate, flight.most = rules.gate, rules.most
+    flight.detour, flight.failure = rules.detour, rules.failure
     flight.segments, flight.outcome, flight.path_length = 0, FLYING, 0.0
     flight.clearance = field.clearance
     for d in range(2):
@@ -71,7 +73,7 @@ def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
     field = fields.records[slot]
     goal, position = field.goal, flight.position
     control = buffers.paths[i, flight.segments]
-    decode_into(control, buffers.actions[i], position, flight.derivative, goal, limits.gate)
+    decode_into(control, buffers.actions[i], position, flight.derivative, goal, flight.gate)
     outcome, length, clearance = first_failure(
         control,
         field.bounds,
@@ -90,15 +92,15 @@ def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
         flight.path_length += length
         flight.clearance = clearance
         reward = segment_reward(
-            before, _distance(position, goal), length, field.distance, buffers.penalties
+            before, _distance(position, goal), length, field.distance, flight.detour
         )
         if control[1, 0] == goal[0] and control[1, 1] == goal[1]:
             outcome = GOAL_REACHED
-        elif flight.segments >= limits.segments:
+        elif flight.segments >= flight.most:
             outcome = OUT_OF_SEGMENTS
     flight.outcome = outcome
     if outcome not in (FLYING, GOAL_REACHED):
-        reward -= buffers.penalties.failure
+        reward -= flight.failure
     return reward
 
 
@@ -122,7 +124,7 @@ def _observe(
         buffers.layout,
         flight.position,
         flight.derivative,
-        1.0 - flight.segments / buffers.limits.segments,
+        1.0 - flight.segments / flight.most,
         field.goal,
         field.bounds,
         fields.discs[slot, :2],
@@ -153,8 +155,13 @@ def _step_vehicle(buffers: StepBuffers, i: int, scratch: Scratch) -> None:
             report.terminated = flight.outcome != OUT_OF_SEGMENTS
             again = buffers.mode == SAME_STEP
     observations, infos = buffers.observations, report
-    if again:
-        observations, infos = buffers.final_observations, buffers.final_reports[i]
+    if buffers.mode == SAME_STEP:
+        final = buffers.final_reports[i]
+        if again:
+            observations, infos = buffers.final_observations, final
+        else:
+            final.is_success, final.outcome, final.segments = False, 0, 0
+            final.path_length, final.clearance = 0.0, 0.0
     while True:  # a loop, since two calls of `_observe` would be compiled in place twice
         if starts:
             flight.slot = buffers.queue[i, flight.next]

@@ -1,8 +1,9 @@
 """The world that is flown in: fields of obstacles, limits, actions, feasibility and outcomes.
 
 A `Field` holds `Obstacles` (so far `Discs`), start, goal and bounds; `get_field` and `get_fields`
-find fields by name. `encode` and `decode` translate between segments and actions, `inspect` and
-`is_feasible` certify segments, and `advance` flies one action from a `State` to the next.
+find fields by name, and a `FieldPool` holds those from which resets draw. `encode` and `decode`
+translate between segments and actions, `inspect` and `is_feasible` certify segments, and `advance`
+flies one action from a `State` to the next.
 """
 
 from ferguson_gym.world.actions import Action as Action
@@ -14,6 +15,7 @@ from ferguson_gym.world.feasibility import is_feasible as is_feasible
 from ferguson_gym.world.field import Field as Field
 from ferguson_gym.world.field_names import get_field as get_field
 from ferguson_gym.world.field_names import get_fields as get_fields
+from ferguson_gym.world.field_pool import FieldPool as FieldPool
 from ferguson_gym.world.limits import PAPER_LIMITS as PAPER_LIMITS
 from ferguson_gym.world.limits import Limits as Limits
 from ferguson_gym.world.obstacles import Discs as Discs

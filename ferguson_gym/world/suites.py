@@ -92,6 +92,9 @@ SUITES: dict[str, Recipe] = {
 }
 """Recipes by name."""
 
+MAX_OBSTACLES_IN_TRAPS = 117
+"""Obstacles of suite `traps`: five pockets of at most 21 discs, and 12 single discs."""
+
 _KEYS = {name: 1 + index for index, name in enumerate(SUITES)}
 
 
@@ -116,6 +119,12 @@ def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None)
         raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
     key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
     return (recipe or SUITES[suite])(np.random.RandomState(key))
+
+
+def max_discs(suite: str, recipe: Recipe | None = None) -> int:
+    """Number of discs that a field of a suite, or of another recipe for it, may have."""
+    recipe = recipe or SUITES[suite]
+    return sum(recipe.designs) if isinstance(recipe, Scattered) else MAX_OBSTACLES_IN_TRAPS
 
 
 def check_suite(suite: str, split: str) -> None:

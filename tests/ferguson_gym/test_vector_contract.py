@@ -220,6 +220,48 @@ def test_observations_can_be_flattened_as_a_whole() -> None:
     np.testing.assert_array_equal(envs.step(action)[0][2], scalar.step(action[2])[0])
 
 
+@pytest.mark.parametrize("mode", AutoresetMode)
+@pytest.mark.parametrize("arguments", [*OBSERVATIONS, {"observation": "both"}])
+def test_flat_observations_are_what_gymnasium_flattens(
+    arguments: dict, mode: AutoresetMode
+) -> None:
+    flat = gym.make_vec(
+        ENVIRONMENT_ID, num_envs=3, autoreset_mode=mode, flat=True, segments=3, **arguments
+    )
+    dicts = VectorObstacleField(3, mode, segments=3, **arguments)
+    scalar = gym.make(ENVIRONMENT_ID, flat=True, **arguments)
+    space = dicts.single_observation_space
+    assert flat.single_observation_space == gym.spaces.flatten_space(space)
+    assert scalar.observation_space == flat.single_observation_space
+    assert flat.observation_space == batch_space(flat.single_observation_space, 3)
+
+    def assert_flattened(one: np.ndarray, other: dict) -> None:
+        assert one.dtype == np.float32
+        for i in range(3):
+            row = {key: value[i] for key, value in other.items()}
+            np.testing.assert_array_equal(one[i], gym.spaces.flatten(space, row))
+
+    assert_flattened(flat.reset(seed=6)[0], dicts.reset(seed=6)[0])
+    np.testing.assert_array_equal(scalar.reset(seed=6)[0], flat.reset(seed=6)[0][0])
+    dicts.reset(seed=6)
+    stream = np.random.default_rng(0)
+    for _ in range(20):
+        actions = stream.uniform(-0.1, 0.1, (3, 4)).astype(np.float32)
+        (one, *_, infos), (other, _, terminated, truncated, others) = (
+            envs.step(actions) for envs in (flat, dicts)
+        )
+        assert flat.observation_space.contains(one)
+        assert_flattened(one, other)
+        for i in np.flatnonzero(others.get("_final_obs", np.zeros(3, bool))):
+            last = gym.spaces.flatten(space, others["final_obs"][i])
+            np.testing.assert_array_equal(infos["final_obs"][i], last)
+        if mode is DISABLED and (over := terminated | truncated).any():
+            for envs in (flat, dicts):
+                envs.reset(seed=9, options={"reset_mask": over.copy()})
+    with pytest.raises(ValueError, match="flat is True or False, got 1"):
+        gym.make(ENVIRONMENT_ID, flat=1)
+
+
 def test_pictures_show_each_flight() -> None:
     envs = VectorObstacleField(2, render_mode="rgb_array")
     with pytest.raises(RuntimeError, match="call reset"):

@@ -175,8 +175,40 @@ def test_attributes_and_methods() -> None:
     assert envs.env_is_wrapped(Monitor, indices=1) == [False]
     with pytest.raises(AttributeError, match="wind"):
         envs.get_attr("wind")
-    with pytest.raises(AttributeError, match="detour cannot be set; make a new ObstacleFieldVec"):
-        envs.set_attr("detour", 3)
+    with pytest.raises(AttributeError, match="nearest cannot be set; make a new ObstacleFieldVec"):
+        envs.set_attr("nearest", 3)
+    with pytest.raises(
+        AttributeError, match=r"no method 'steer' .*; methods are set_arguments, fi"
+    ):
+        envs.env_method("steer")
+
+
+def test_arguments_change_as_those_of_a_dummy_vec_env() -> None:
+    arguments = {"obstacles": 10, "failure": 1.0}
+    mine, theirs = pair(flat=False, **arguments)
+    stream, names = np.random.default_rng(0), set()
+    for envs in (mine, theirs):
+        envs.seed(3)
+        envs.reset()
+    for k in range(100):
+        for envs in (mine, theirs):
+            if k == 10:
+                envs.set_attr("obstacles", 30)
+            if k == 30:
+                envs.set_attr("obstacles", 0, indices=[0, 2])
+                envs.env_method("set_arguments", failure=3.0, gate=0.5, indices=1)
+            if k == 60:
+                envs.env_method("set_arguments", obstacles=None, fields=["paper:1", NEAR])
+            if k == 80:
+                envs.set_options([{"segments": 2}, {}, {"field": NEAR, "detour": 1.0}, {}])
+        if k == 80:
+            assert_same(*(envs.reset() for envs in (mine, theirs)))
+        actions = drawn(stream)
+        assert_same(*(envs.step(actions) for envs in (mine, theirs)))
+        assert mine.get_attr("failure") == theirs.get_attr("failure")
+        names |= {field.name.partition(", ")[2] for field in mine.get_attr("field")}
+    assert names >= {"10 obstacles", "30 obstacles", "0 obstacles"}
+    assert {field.name for field in mine.get_attr("field")} <= {"paper:1", "near"}
 
 
 def test_rendering_and_closing() -> None:

@@ -204,7 +204,7 @@ def test_warming_up_lays_out_all_fields(number: int) -> None:
     with entry.make() as envs:
         rng = np.random.default_rng(0)
         entry.warm_up(entry.driver(envs, entry.actions(rng)), rng)
-        assert len(envs._simulator._drawn_seeds) > 0.998 * envs.settings.fields
+        assert len(envs._simulator._drawn.seeds) > 0.998 * envs.settings.fields
 
 
 @pytest.fixture
