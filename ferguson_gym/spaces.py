@@ -84,7 +84,7 @@ def known_options(options: object, *names: str) -> tuple[dict[str, Any], dict[st
     known = ", ".join(repr(name) for name in names)
     if not isinstance(options, Mapping):
         raise ValueError(
-            f"reset options are a dictionary with keys among {known}, got {truncate_repr(options)}"
+            f"reset options are a dictionary with {known}, got {truncate_repr(options)}"
         )
     if unknown := set(options) - set(names):
         raise ValueError(f"unknown reset options {sorted(unknown, key=str)}; known: {known}")

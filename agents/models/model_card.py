@@ -131,6 +131,11 @@ def check_environment(arguments: Mapping[str, Any], where: str = "") -> None:
         settings = settings_of(dict(arguments))
     except (TypeError, ValueError) as error:
         raise ValueError(f"{where}{error}") from None
+    if settings.flat or settings.pool is not None:
+        raise ValueError(
+            f"{where}agents observe a dictionary, and a model does not hold the fields that it was "
+            "trained on; leave `flat` out, and give `fields` as a number"
+        )
     if settings.limits != PAPER_LIMITS:
         raise ValueError(
             f"{where}agents fly with the gate ({PAPER_LIMITS.gate:g} m) and the number of segments "

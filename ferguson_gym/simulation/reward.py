@@ -15,8 +15,7 @@ def segment_reward(
     reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance. The progress of
     all segments sums to at most D, and no segment is shorter than its progress, so loops are never
     rewarded. `before` and `after` are straight distances to the goal [m], `distance` is that of the
-    start.
-    `detour` weighs length beyond progress; all progress together is rewarded with 1.
+    start. `detour` weighs length beyond progress; all progress together is rewarded with 1.
     """
     progress = before - after
     return (progress - detour * (length - progress)) / distance

@@ -123,6 +123,8 @@ def test_no_code_in_a_model_is_run(copy: Path, tmp_path: Path) -> None:
         ({"environment": DISCS}, "weights are not those of the network that model.json describes"),
         ({"environment": {"observation": "radar"}}, "unknown observation 'radar'; kinds are discs"),
         ({"environment": {"wind": 3}}, "unexpected keyword argument 'wind'; known are suite"),
+        ({"environment": {"flat": True}}, "agents observe a dictionary.* leave `flat` out"),
+        ({"environment": {"fields": "paper:1"}}, "and give `fields` as a number"),
         ({"environment": {"segments": 7}}, "leave `gate` and `segments` out"),
         ({"policy_kwargs": {"net_arch": [24, 25]}}, "size mismatch"),
         ({"policy_kwargs": {"depth": 3}}, "unexpected keyword argument 'depth'"),
