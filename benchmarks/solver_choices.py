@@ -130,9 +130,9 @@ def solve(variant: Variant, task: Task) -> tuple[list[Certified], float]:
 
 def best(ends: list[Certified], task: Task) -> float:
     """Least pure objective of a certified chain."""
-    programme = task.window.sampled()
+    program = task.window.sampled()
     chains = [end.solution.x for end in ends if end.feasible]
-    return min((float(programme.f(x)) for x in chains), default=math.inf)
+    return min((float(program.f(x)) for x in chains), default=math.inf)
 
 
 def main(number: int) -> None:

@@ -1,11 +1,11 @@
-"""Planners: from a field, a state and a seed to a certified plan; none knows gymnasium.
+"""Planners map a field, a state and a seed to a certified plan. They do not import gymnasium.
 
 `plan` plans a field by the names of field and planner; `make` builds a planner by name, `PLANNERS`
 lists the names, and `register` adds one. The other public names come from `planners.interface`;
-`planners.contract` checks what it promises. All names are imported when they are first used.
-Folders, from the ground up: `optimization` (windows of segments and their solvers), `whole_path`
-(routes and the segments fitted to them), `receding_horizon` (one segment at a time) and `wrappers`
-(planners around planners).
+`planners.contract` checks the contract that is stated there. All names are imported when they are
+first used. Folders, each importing only earlier ones: `optimization` (windows of segments and their
+solvers), `whole_path` (routes and the segments fitted to them), `receding_horizon` (one segment at
+a time) and `wrappers` (planners that change the inputs or decisions of another planner).
 """
 
 from importlib import import_module
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from planners.registry import make as make
     from planners.registry import plan as plan
     from planners.registry import register as register
-else:  # a type checker that saw it would accept any name
+else:  # hidden from type checkers, which would accept any attribute
     _INTERFACE = ("Decision", "Plan", "Planner", "Replanner", "State", "Status")
     _MODULES = dict.fromkeys(_INTERFACE, "planners.interface")
     _MODULES |= dict.fromkeys(("PLANNERS", "make", "plan", "register"), "planners.registry")

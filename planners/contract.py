@@ -1,4 +1,4 @@
-"""The contract of a planner as a check that users can run on their own.
+"""A check, for your own tests, that a planner keeps the contract of `planners.interface.Planner`.
 
     from ferguson_gym import get_field
     from planners.contract import check_planner
@@ -22,17 +22,17 @@ from planners.interface import Plan, Planner, Replanner, State, initial_state
 def check_planner(
     planner: Planner, field: Field, seed: int = 0, limits: Limits = PAPER_LIMITS
 ) -> Plan:
-    """Check the promises of a planner in one field, best one that it solves.
+    """Check a planner in one field. Choose a field that it solves: most rules concern solved plans.
 
     - A plan is a feasible chain from the given state, and a solved plan ends on the goal.
     - The same seed gives the same plan: randomness comes from (seed, step) alone.
     - Planning from a state on the way gives the rest of the plan.
-    - A state without a history, or of a vehicle at rest, can be planned from.
-    - A flight on the goal needs no segment.
+    - Planning works from a state without a flown path, and from a vehicle at rest.
+    - At the goal, the plan is solved and has no segments.
     - The first segment that a replanner decides is the first of its plan.
     - Planning changes neither the field nor the state.
 
-    Most promises concern solved plans. `limits` are those of the planner's segments.
+    `limits` are those of the planner's segments.
 
     Returns:
         The plan from the start of the field.
@@ -67,7 +67,7 @@ def _check_plan(plan: Plan, field: Field, state: State, limits: Limits) -> None:
     """Check that a plan is a feasible chain from a state, and that it ends as it reports."""
     control = plan.control
     assert control.shape[1:] == (4, 2), f"segments have shape (n, 4, 2), got {control.shape}"
-    assert len(plan.states) == len(control) + 1, "a plan has a state before each segment and a last"
+    assert len(plan.states) == len(control) + 1, "a plan has one state more than segments"
     assert is_feasible(control, field, limits).all(), "every segment of a plan is feasible"
     if len(control):
         start = np.stack([state.vehicle.position, state.vehicle.derivative])
@@ -86,7 +86,7 @@ def _check_decision(planner: Replanner, field: Field, state: State, seed: int, p
     """Check that the first segment decided, as it is flown, is the first of the plan."""
     decision = planner.decide(field, state, seed)
     if decision.chain is None:
-        assert len(plan.control) == 0, "a planner that decides no segment plans none"
+        assert len(plan.control) == 0, "if decide finds no segment, plan returns none"
         return
     vehicle, first = state.vehicle, decision.chain[0]
     step = decision.first_step or fly_segment(field, vehicle, first, planner.limits)
@@ -95,7 +95,7 @@ def _check_decision(planner: Replanner, field: Field, state: State, seed: int, p
 
 
 def _numbers(field: Field, state: State) -> list[list[float]]:
-    """Numbers of a field and a state that would change with them."""
+    """Values that reveal a change of the field or the state."""
     ends = np.stack([field.start, field.goal])
     arrays = (ends, field.bounds, field.departure, field.obstacles.signed_distance(ends))
     vehicle = (state.vehicle.position, state.vehicle.derivative, state.tail, state.flown)

@@ -1,8 +1,9 @@
 """The contract of planners: what they are given, what they return, what they promise.
 
 A planner maps a field, a state and a seed to a `Plan`. A `Replanner` also makes a single `Decision`
-from any state. A `Router` finds a `Route` for planners that fit segments to one, within a budget of
-iterations, evaluations or seconds. `planners.contract` checks the promises.
+from any state. A `Router` finds a `Route`, within a budget of iterations, evaluations or seconds;
+`WholePath` fits segments to it. The docstring of `Planner` states the contract, and
+`planners.contract` checks it.
 """
 
 from __future__ import annotations
@@ -27,15 +28,15 @@ class Status(Enum):
     """How planning ended."""
 
     SOLVED = ("solved", "found a feasible path to the goal", Outcome.GOAL_REACHED)
-    STUCK = ("stuck", "found no feasible window from where it was", Outcome.GAVE_UP)
+    STUCK = ("stuck", "found no feasible chain from the current state", Outcome.GAVE_UP)
     OUT_OF_SEGMENTS = ("out_of_segments", Outcome.OUT_OF_SEGMENTS.sentence, Outcome.OUT_OF_SEGMENTS)
-    NO_ROUTE = ("no_route", "found no way to the goal", Outcome.GAVE_UP)
+    NO_ROUTE = ("no_route", "found no route to the goal", Outcome.GAVE_UP)
     NOT_FITTED = (
         "not_fitted",
-        "found a way to the goal, but no feasible chain of segments along it",
+        "found a route to the goal, but no feasible chain of segments along it",
         Outcome.GAVE_UP,
     )
-    CRASHED = ("crashed", "its library crashed or did not answer", Outcome.GAVE_UP)
+    CRASHED = ("crashed", "the library behind the planner crashed or timed out", Outcome.GAVE_UP)
 
     def __init__(self, label: str, sentence: str, outcome: Outcome) -> None:
         self.label = label
@@ -54,8 +55,8 @@ class State:
     tail: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
     """Segments (m, 4, 2) planned and not flown yet; empty at the start."""
     flown: Array = field(default_factory=lambda: np.empty((0, 4, 2)))
-    """Segments (k, 4, 2) flown so far, a planner's only memory; fewer where planning starts in
-    the middle of a flight."""
+    """Segments (k, 4, 2) flown so far, the only history that a planner may use; incomplete if
+    planning started in mid-flight."""
 
 
 def initial_state(field: Field) -> State:
@@ -74,19 +75,20 @@ class WindowReport:
     step: int
     """Number of segments flown before the decision."""
     start: str = ""
-    """Name of the first guess that led to the chosen chain; empty if no chain was found."""
+    """Name of the initial guess that led to the chosen chain; empty if no chain was found."""
     objective: float = math.nan
     """Objective of the chosen chain [m]; NaN without one."""
     starts: int = 0
-    """Number of first guesses that the solver was started from."""
+    """Number of initial guesses that the solver was started from."""
     feasible: int = 0
     """How many of them led to a certified chain."""
     final: bool = False
     """Whether the chain was re-optimised to end on the goal; the objective is then its length."""
     evaluations: int = 0
-    """Evaluations of the objective, over all starts and the re-optimisation."""
+    """Evaluations of the objective, over all initial guesses and the re-optimisation."""
     rounds: int = 0
-    """Solves of the chosen chain's problem until it was certified."""
+    """Number of times that the chosen chain's problem was solved until the solution was
+    certified."""
     solver_status: str = ""
     """The solver's message about the chosen chain."""
     cut_short: bool = False
@@ -103,10 +105,11 @@ class Decision:
     """Segments (n, 4, 2), certified; the first is flown next. None if none was found."""
     report: WindowReport
     candidates: Sequence[tuple[str, Array]] = ()
-    """First guesses (n, 4, 2) of the search, by name; the chain came from the last one named
-    `report.start`. Empty for planners that solve no window."""
+    """Initial guesses (n, 4, 2) of the search, by name; the chosen chain started from the last
+    guess with the name `report.start`. Empty for planners that solve no window."""
     known: Field | None = None
-    """The part of the field that the planner knew; None: all of it."""
+    """The field with the obstacles that were known to the planner; None if it used the whole
+    field."""
     first_step: transition.Step | None = None
     """The first segment as it is flown, with its certificate in the planner's field. A rollout
     reuses it; None makes the rollout certify."""
@@ -132,7 +135,8 @@ class Plan(ShowsPicture):
 
     status: Status
     control: Array
-    """Segments (n, 4, 2) as they will be flown; after a failure, those before it."""
+    """Segments (n, 4, 2), rounded as they will be flown; after a failure, the segments before
+    it."""
     states: Sequence[State]
     """The n + 1 states before, between and after the segments. Planning from `states[k]` gives
     the rest of this plan."""
@@ -206,10 +210,26 @@ class Plan(ShowsPicture):
 
 
 class Planner(Protocol):
-    """Plans whole flights."""
+    """Plans whole flights.
+
+    The contract; `planners.contract.check_planner` tests most of it:
+
+    - The first segment starts at the vehicle's position with the vehicle's derivative, each further
+      one with the end point and end derivative of the segment before it. Every segment is feasible.
+      A solved plan ends on the goal; another status, or a decision without a chain, reports a
+      failure.
+    - `Plan.control` has the segments as they are flown: rounded to float32 actions and certified
+      after the rounding. `planners.rollout.roll_out` and `fly_chain` return such segments.
+    - The first segment that `decide` chooses is, as it is flown, the first of the plan.
+    - Random numbers depend only on (seed, step), step being the number of segments flown. The same
+      arguments give the same plan, and planning from `Plan.states[k]` gives the rest of the plan.
+    - Planning works from any state: without a flown path, with a vehicle at rest, on the goal (the
+      plan is then solved and empty), or after the last segment that the limits allow.
+    - Planning changes neither the field nor the state.
+    """
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from any state to the goal. Randomness of a step comes from (seed, step) alone."""
+        """Plan from any state to the goal, as the contract says."""
 
 
 @runtime_checkable
@@ -221,7 +241,7 @@ class Replanner(Planner, Protocol):
         """Bounds on a segment."""
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it."""
+        """Choose the next segment and tentative further ones."""
 
 
 class Router(Protocol):

@@ -27,17 +27,17 @@ from planners.wrappers import Backtracking, Margin, Sensing
 
 
 def single_start() -> RecedingHorizon:
-    """The paper's planner from the shifted plan alone, which a local minimum can trap."""
+    """The paper's planner without random guesses; local minima can trap it."""
     return RecedingHorizon(random_starts=0, solver=MultiStart(sidesteps=()))
 
 
 def multi_start() -> RecedingHorizon:
-    """The paper's planner from the shifted plan and 10 random feasible starts."""
+    """The paper's planner from the shifted plan and 10 random feasible guesses."""
     return RecedingHorizon()
 
 
 def _fitted(router: Callable[..., Router], *needs: str, **options: Any) -> Callable[[], WholePath]:
-    """A constructor of planners that fit segments to routes; needs: the arguments of `require`."""
+    """A constructor of planners that fit segments to routes; `needs` are arguments of `require`."""
 
     def construct() -> WholePath:
         if needs:
@@ -62,9 +62,9 @@ prm = _fitted(Ompl, algorithm="prm", budget=Iterations(10_000))
 bit_star = _fitted(Ompl, algorithm="bit-star", budget=Iterations(40))
 """Batch informed trees, BIT*, from OMPL."""
 pso = _fitted(particles, "pso", "pygmo", "pygmo")
-"""Segments fitted to a route by particle swarms."""
+"""Segments fitted to a route that particle swarms find."""
 abc = _fitted(bees, "abc", "pygmo", "pygmo")
-"""Segments fitted to a route by artificial bee colonies."""
+"""Segments fitted to a route that artificial bee colonies find."""
 
 PLANNERS: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
@@ -167,8 +167,8 @@ _METRES = {"turn": "a turn radius", "margin": "a margin", "sensing": "a sensing 
 class PlannerSpec:
     """The parts of a planner's name: the planner and its options.
 
-    The options are applied from the planner outwards, in the order of the fields: a planner that
-    backtracks keeps the margin, and neither knows more than is sensed.
+    The options are applied from the planner outwards, in the order of the fields: the margin also
+    applies to the backtracking planner, and both use only sensed obstacles.
 
     Example:
         >>> spec = PlannerSpec.parse("multi-start+sensing=20.0+backtrack")
@@ -181,7 +181,7 @@ class PlannerSpec:
     turn: float | None = None
     """Turn radius to keep [m]."""
     backtrack: bool = False
-    """Whether the planner is led out of dead ends."""
+    """Whether `guided` takes over in dead ends."""
     margin: float | None = None
     """Distance to keep from obstacles where possible [m]."""
     sensing: float | None = None
@@ -217,7 +217,7 @@ class PlannerSpec:
         """This planner with further options; those that are None or False change nothing.
 
         Raises:
-            ValueError: the name carries one of them already.
+            ValueError: one of the options is already set.
         """
         added = {label: value for label, value in options.items() if _is_set(value)}
         for label in added:
@@ -275,8 +275,8 @@ class PlannerSpec:
 def make(name: str) -> Planner:
     """The planner of this name, with the options that it carries.
 
-    `guided+turn=3` keeps a turn radius of 3 m; `guided+sensing=20` knows the obstacles within
-    20 m of where it has been; `multi-start+backtrack` is led out of dead ends;
+    `guided+turn=3` keeps a turn radius of 3 m; `guided+sensing=20` uses the obstacles within 20 m
+    of the path flown; `multi-start+backtrack` lets `guided` take over in dead ends;
     `guided+margin=0.5` keeps half a metre from obstacles where it can.
 
     Raises:
@@ -321,9 +321,9 @@ def plan(field: Field | str, planner: Planner | str = "guided", seed: int = 0) -
 
 
 def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:
-    """A planner whose windows start from proposals; its name is for errors.
+    """A planner whose windows start from proposals; `name` is used in error messages.
 
-    Single-start and multi-start take them, with backtracking or limited sensing or without.
+    Single-start and multi-start take them, with or without backtracking and limited sensing.
 
     Raises:
         ValueError: the planner takes no starts.

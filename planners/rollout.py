@@ -15,7 +15,7 @@ from planners.interface import Decision, Plan, Replanner, State, Status
 from planners.optimization.initial_guesses import shifted
 
 _STATUS = {status.outcome: status for status in (Status.SOLVED, Status.OUT_OF_SEGMENTS)}
-"""A rollout that ends with another outcome is stuck."""
+"""Any other outcome becomes `Status.STUCK`."""
 
 
 class StepByStep:
@@ -40,14 +40,14 @@ def remaining_plan(
 ) -> tuple[Array, Step] | None:
     """The segments (n, 4, 2) of an earlier plan still to be flown, and the first one as flown.
 
-    None if nothing is left, or if it is infeasible from the state reached. All are certified again:
-    the flown part ended where a float32 action took it, not where it was planned, and the field may
-    have changed, as it does under limited sensing.
+    None if nothing is left, or if it is infeasible from the state reached. All segments are
+    certified again: the flown segment was rounded to a float32 action, so its end differs from the
+    plan, and the field may have changed, as it does under limited sensing.
     """
     if len(state.tail) == 0:
         return None
     chain = shifted(state.vehicle, state.tail, len(state.tail))
-    # the limits' whole tolerance: it covers the rounding of the last segment
+    # with the full tolerance, since rounding may have moved the start
     if not is_feasible(chain, field, limits).all():
         return None
     step = follow(field, state.vehicle, chain[0], limits)
@@ -59,7 +59,7 @@ def ends_on_goal(field: Field, state: State) -> bool:
     return len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
 
 
-def finished(field: Field, state: State, limits: Limits) -> Plan | None:
+def terminal_plan(field: Field, state: State, limits: Limits) -> Plan | None:
     """The empty plan of a flight on the goal or out of segments; None for any other flight."""
     if np.array_equal(state.vehicle.position, field.goal):
         return flight_plan(field, Status.SOLVED, [], [state])
@@ -85,7 +85,7 @@ def roll_out(
     `follow` flies a segment: by default as the environment does, rounded to a float32 action, so
     that the plan and its flight are equal bit for bit.
     """
-    if (ended := finished(field, state, planner.limits)) is not None:
+    if (ended := terminal_plan(field, state, planner.limits)) is not None:
         return ended
     states, decisions, steps = [state], list[Decision](), list[Step]()
     outcome = Outcome.FLYING
@@ -95,7 +95,7 @@ def roll_out(
         if decision.chain is None:
             break
         chain, step = decision.chain, decision.first_step
-        # certified where it was decided, unless the planner knew only a part of the field
+        # `first_step` is certified; it is missing if the planner used only a part of the field
         step = step or follow(field, state.vehicle, chain[0], planner.limits)
         if not step.flown:
             break

@@ -1,14 +1,14 @@
 """Arc length of Ferguson segments, with a proved relative error of at most 1e-9.
 
-Suppose that on a piece the derivative a + b s + c s^2 (s in [-1, 1]) stays within q |a| of a on
-the whole Bernstein ellipse whose semi-axes sum to 2.2. Then the speed is analytic there: the sum
-of squares under the root cannot vanish if 2 q + q^2 < 1. In the plane q < 1 is enough, since the
-sum is the product of x' + i y' and x' - i y', each of which is no farther than q |a| from a number
-of size |a|. The speed is at most (1 + q) |a|, so Gauss-Legendre quadrature with n + 1 nodes has an
-error of at most 64/15 (1 + q) |a| 2.2^(-2n) / (1 - 2.2^(-2)). The length is at least the norm of
-the integral of the derivative, 2 |a| - 2/3 |c|; with 16 nodes the error is below 4e-10 of it.
-Other pieces are halved. Around a cusp pieces shrink until control polygon and chord, which
-bracket the length, agree to a negligible fraction of the whole.
+On a piece, let X' = a + b s + c s^2 with s in [-1, 1], and let E be the Bernstein ellipse whose
+semi-axes sum to 2.2. Assume that |X' - a| <= q |a| on E. Then |X'| is analytic on E: the sum of
+squares under the root cannot vanish if 2 q + q^2 < 1. In the plane q < 1 is enough, since the sum
+is the product of x' + i y' and x' - i y', each of which is no farther than q |a| from a number of
+modulus |a|. Since |X'| <= (1 + q) |a| on E, Gauss-Legendre quadrature with n + 1 nodes has an error
+of at most 64/15 (1 + q) |a| 2.2^(-2n) / (1 - 2.2^(-2)). The length is at least the norm of the
+integral of the derivative, 2 |a| - 2/3 |c|; with 16 nodes the error is below 4e-10 of the length.
+Pieces that do not satisfy the assumption are halved. Around a cusp, pieces shrink until control
+polygon and chord, which bracket the length, agree to a negligible fraction of the total length.
 
 Reference:
     Trefethen (2013), Approximation theory and approximation practice, theorem 19.3.
@@ -29,11 +29,11 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(NODES)
 _REACH = (2.2 + 1.0 / 2.2) / 2.0
 """Largest |s| on the Bernstein ellipse of sum 2.2."""
 _PART_IN_PLANE, _PART = 0.95, 0.4
-"""Greatest distance q of the derivative from a, relative to |a|: in the plane, and beyond it."""
+"""Maximum distance q of the derivative from a, relative to |a|, in 2 and in more dimensions."""
 _NEGLIGIBLE = 2e-12
-"""Fraction of the control polygon's length below which the bounds of a piece may differ."""
+"""Tolerated difference of a piece's length bounds, as a fraction of the polygon's length."""
 DEPTH = 64
-"""Pieces on the stack."""
+"""Maximum number of pieces on the stack."""
 
 
 @compiled_in_place
@@ -78,7 +78,7 @@ def _is_analytic(stack: Array, piece: int, axes: tuple[int, ...]) -> bool:
 @compiled_in_place
 def _integrated_speed(stack: Array, piece: int, speed2: Array, axes: tuple[int, ...]) -> float:
     """Integral of the speed over s in [-1, 1] by Gauss-Legendre quadrature."""
-    # nodes innermost, in loops too long to be unrolled: they become vector instructions
+    # nodes innermost, in loops too long to be unrolled, so that they are vectorised
     nodes = len(speed2)
     for node in range(nodes):
         speed2[node] = 0.0
@@ -176,7 +176,7 @@ def length(control: ArrayLike) -> Array:
     """Arc length [m] of each segment: (*batch,), relative error at most 1e-9.
 
     Reference:
-        The paper, equation (3); its estimate by 50 chords is always short.
+        The paper, equation (3); its estimate by 50 chords is always too short.
 
     Example:
         >>> round(float(length([[0, 0], [9, 3], [9, 0], [9, 6]])), 6)

@@ -1,8 +1,8 @@
-"""Certified clearance, least speed and bounds margin of one segment at a time, compiled.
+"""Certified clearance, minimum of |X'(t)| and bounds margin of one segment, compiled.
 
-Segments become Bézier curves relative to a disc's centre, whose nearest point
-`ferguson_gym.curves.nearest_point` finds. Cheap lower bounds make most of these searches
-unnecessary, and outward margins cover rounding.
+Relative to a disc's centre, a segment is a Bézier curve; `ferguson_gym.curves.nearest_point` finds
+its point nearest to the origin. Cheap lower bounds make most of these searches unnecessary.
+Computed distances are reduced by margins that cover rounding.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 _MARGIN = 2e-10
-"""Outward margin relative to the scale; covers the search (1e-10) and its rounding."""
+"""Margin relative to the scale; covers the search (1e-10) and its rounding."""
 _GRAIN = 1e-15
-"""Outward margin relative to the largest coordinate; covers the rounding of X(t) - c."""
+"""Margin relative to the largest coordinate; covers the rounding of X(t) - c."""
 _ROUNDING = 1e-13
-"""Outward margin of the bounds margin, relative to the largest entry of the control array."""
+"""Rounding margin of the bounds margin, relative to the largest entry of the control array."""
 
 
 class Scratch(NamedTuple):
@@ -45,7 +45,7 @@ class Scratch(NamedTuple):
 
 @compiled
 def make_scratch(axes: Rows, discs: int) -> Scratch:
-    """Scratch memory for segments in D dimensions, axes (0, ..., D - 1), among so many discs."""
+    """Scratch memory for segments in D dimensions, axes (0, ..., D - 1), and `discs` discs."""
     dimension = len(axes)
     return Scratch(
         axes,
@@ -69,7 +69,7 @@ def _margin(scale: float, largest: float) -> float:
 
 @compiled_in_place
 def _shift(control: Array, columns: Array, k: int, scratch: Scratch) -> float:
-    """Fill the Bézier points of X - c, c the centre of disc k; return the outward margin."""
+    """Fill the Bézier points of X - c, c the centre of disc k; return the rounding margin."""
     points, axes = scratch.points, scratch.axes
     largest = 0.0
     for d in range(len(axes)):
@@ -96,7 +96,7 @@ def _largest_norm(points: Array, rows: Rows, axes: Rows) -> float:
 
 @compiled
 def _least_projection(points: Array, rows: Rows, axes: Rows) -> float:
-    """Least component of Bézier points along their sum, a lower bound of the curve's norm."""
+    """Smallest projection of Bézier points onto their sum's direction, a lower bound of |Y(t)|."""
     total2 = 0.0
     for d in range(len(axes)):
         total = 0.0
@@ -148,24 +148,24 @@ def _chord(control: Array, scratch: Scratch) -> tuple[float, float]:
 def _fill_candidates(
     columns: Array, radii: Array, best: float, around: float, scratch: Scratch
 ) -> int:
-    """Fill `found` with the discs within `best` of a circle around a segment; return their number.
+    """Fill `found` with the discs closer than `best` to a circle around a segment; count them.
 
     Args:
         columns: (D, n) centres of the discs.
         radii: (n,).
         best: distance [m].
         around: radius of the circle around the chord's middle, margins included [m].
-        scratch: memory; holds the chord.
+        scratch: memory; has the chord.
     """
     chord, axes, spare, found = scratch.chord, scratch.axes, scratch.work[0], scratch.found
-    for k in range(len(radii)):  # no branches or roots, so that it becomes vector instructions
+    for k in range(len(radii)):  # no branches or roots, so that it is vectorised
         off2 = 0.0
         for d in range(len(axes)):
             off = columns[d, k] - (chord[0, d] + 0.5 * chord[1, d])
             off2 += off * off
         wide = best + radii[k] + around
         wide = wide if wide > 0.0 else 0.0
-        # the margin in proportion to the distance is subtracted here, the rest is in `around`
+        # the margin proportional to the distance is subtracted here, the rest is in `around`
         spare[k] = wide * wide - off2 * (1.0 - 8.0 * _MARGIN)
     number = 0
     for k in range(len(radii)):
@@ -202,7 +202,7 @@ def segment_clearance(
         control: (4, D) segment.
         columns: (D, n) centres of the discs.
         radii: (n,); a radius of minus infinity is padding.
-        cutoff: clearances that are not below it are not searched for.
+        cutoff: the search ignores discs farther than this; see the result.
         scratch: for n discs or more.
     """
     square, deviation = _chord(control, scratch)
@@ -236,7 +236,7 @@ def segment_clearance(
 def _nearer(
     control: Array, columns: Array, radii: Array, k: int, best: float, scratch: Scratch
 ) -> float:
-    """The lesser of `best` and the clearance from disc k."""
+    """The smaller of `best` and the clearance from disc k."""
     margin = _shift(control, columns, k, scratch)
     threshold = best + margin + radii[k]
     if (
@@ -259,9 +259,9 @@ def _nearer(
 
 @compiled_in_place
 def segment_speed(control: Array, threshold: float, scratch: Scratch) -> tuple[float, float]:
-    """Least speed of one segment (4, D) and its parameter.
+    """Minimum of |X'(t)| along one segment (4, D) and its parameter.
 
-    Where the speed is at least `threshold`, a lower bound of at least `threshold` is returned.
+    If the minimum is at least `threshold`, a lower bound of at least `threshold` may be returned.
     """
     points, axes = scratch.points, scratch.axes
     largest = 0.0
@@ -290,7 +290,8 @@ def segment_speed(control: Array, threshold: float, scratch: Scratch) -> tuple[f
 def segment_bounds_margin(control: Array, bounds: Array, threshold: float) -> float:
     """Least distance of one segment (4, D) inside the bounds (2, D) [m].
 
-    Where that of the control polygon, a lower bound, is at least `threshold`, it is returned.
+    If the distance of the control polygon, a lower bound, is at least `threshold`, that is
+    returned.
     """
     bounds_margin = ahead = np.inf
     largest = 0.0
@@ -345,7 +346,7 @@ def clearance(control: Array, centers: Array, radii: Array, cutoff: float, axes:
 
 @compiled
 def least_speed(control: Array, axes: Rows) -> tuple[Array, Array]:
-    """Least speed (segments,) and its parameter; see `ferguson_gym.curves.clearance`."""
+    """Minimum of |X'(t)| (segments,) and its parameter; see `ferguson_gym.curves.clearance`."""
     speed, where = np.empty(len(control)), np.empty(len(control))
     scratch = make_scratch(axes, 0)
     for s in range(len(control)):

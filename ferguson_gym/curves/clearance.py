@@ -1,13 +1,13 @@
-"""Certified clearance between whole Ferguson segments and discs, and their least speed.
+"""Certified clearance of whole Ferguson segments from discs, and their minimum of |X'(t)|.
 
-Every bound returned is proved for the whole curve, rounding included: a distance found is
-reduced by an outward margin of 2e-10 of the scale (the largest distance between a Bézier
-point and the disc's centre) plus 1e-15 of the largest coordinate. For a flight in the
-paper's field that is below 1e-7 m. Numbers below 1e-150, whose squares underflow, count as zero.
+Every bound returned is proved for the whole curve, rounding included: the computed distance is
+reduced by a margin of 2e-10 of the scale (the largest distance between a Bézier point and the
+disc's centre) plus 1e-15 of the largest coordinate. For a flight in the paper's field that is below
+1e-7 m. Numbers below 1e-150, whose squares underflow, count as zero.
 
 Reference:
-    The paper, section III-C3, samples 29 points of a segment; a curve can cut
-    into a disc between them.
+    The paper, section III-C3, samples 29 points of a segment; a curve can cut into a disc between
+    the samples.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ def closest(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[A
         radii: (n,) radii [m].
 
     Returns:
-        Clearance (*batch, n) [m], a lower bound within 3e-10 of the scale of the true
-        minimum over the whole curve, negative inside a disc; and the parameter (*batch, n).
+        Clearance (*batch, n) [m], a lower bound that differs from the true minimum over the whole
+        curve by at most 3e-10 times the scale, negative inside a disc; and its parameter, alike.
 
     Raises:
         ValueError: mismatched shapes, NaN or infinity.
@@ -61,7 +61,7 @@ def closest(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[A
 def clearance(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> Array:
     """Certified clearance of each segment from all discs: (*batch,) [m].
 
-    As `closest`, for the nearest disc alone and therefore faster; infinite without discs.
+    As `closest`, but only for the nearest disc, which is faster; infinite without discs.
 
     Example:
         >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]
@@ -78,8 +78,8 @@ def is_clear(
 ) -> NDArray[np.bool_]:
     """Whether each segment keeps at least `least` [m] from all discs: (*batch,) of bool.
 
-    The quick question on its own: a yes is proved as in `clearance`; within 3e-10 of the
-    scale above the threshold the answer may be no. Errors are those of `closest`.
+    Faster than comparing `clearance`. True is proved. If the clearance exceeds `least` by less than
+    3e-10 of the scale, the answer may be False. Errors are those of `closest`.
 
     Example:
         >>> is_clear([[0, 0], [9, 3], [9, 0], [9, 6]], [[5, 3]], [1], least=0.9).item()

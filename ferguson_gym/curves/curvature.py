@@ -1,13 +1,13 @@
-"""The greatest curvature along a segment, compiled.
+"""The maximum curvature along a segment, compiled.
 
 Let v be the derivative of a segment and C = v x v' (one number in the plane, one for each pair of
 axes in more dimensions). Then curvature^2 is G / S^3 with G = |C|^2 and S = |v|^2. C is of degree
 2, since its cubic terms cancel. Extremes are roots of P = G' S - 3 G S', a polynomial of degree 7.
 Its Bernstein coefficients show on which pieces it has no root, and on which it has exactly one,
 which Newton's method then finds. Those of G and S bound the curvature, so that pieces which cannot
-hold the greatest are discarded; other pieces are halved. Coefficients are computed from v and C
-of each halved piece, so that their rounding error shrinks with the piece; otherwise the three
-roots of P that meet in a cusp could not be told apart.
+contain the maximum are discarded; other pieces are halved. Coefficients are computed from v and C
+of each halved piece, so that their rounding error shrinks with the piece; otherwise the three roots
+of P that meet at a cusp could not be distinguished.
 
 Reference:
     Farouki & Rajan (1988), Algorithms for polynomials in Bernstein form, Computer Aided
@@ -24,11 +24,11 @@ from ferguson_gym.curves.nearest_point import products
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
-REST = 1e-12
-"""Speed that counts as a cusp, relative to the largest coordinate of the hodograph's points."""
+CUSP_SPEED = 1e-12
+"""|X'| that counts as a cusp, relative to the largest coordinate of the Bézier points of X'."""
 _EPSILON = 2.0**-52
-_SHARP = 1e-12
-"""Relative amount by which a discarded piece may exceed the square of the greatest curvature."""
+_SLACK = 1e-12
+"""Relative amount by which a discarded piece may exceed the square of the maximum curvature."""
 _DEPTH = 64
 """Halvings after which only the middle of a piece is evaluated."""
 _PIECES = 4096
@@ -45,7 +45,7 @@ product, in Bernstein form."""
 
 @compiled
 def _crosses(v: Array, c: Array, control: Array, unit: float) -> None:
-    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if it is all rounding error.
+    """Fill c (pairs, 3) from v (3, D), both in Bernstein form; zero if c is only rounding.
 
     v was computed from a control array (4, D) and divided by `unit`.
     """
@@ -136,8 +136,8 @@ def _root(extreme: Array, scratch: Array) -> float:
 def _fill_hodograph(control: Array, v: Array) -> tuple[float, float]:
     """Fill v (3, D), the Bézier points of X'(t), in units of a power of two; return scale, unit.
 
-    The scale is their largest coordinate. Division by a power of two rounds nothing, and without
-    it the powers of v could leave the range of numbers.
+    The scale is their largest coordinate. Division by a power of two is exact; without it, powers
+    of v could overflow or underflow.
     """
     scale = 0.0
     for d in range(control.shape[1]):
@@ -181,10 +181,10 @@ def _sign_changes(extreme: Array, noise: float) -> tuple[int, bool]:
 
 @compiled
 def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> float:
-    """Greatest curvature [1/m] of one segment; infinite at a cusp.
+    """Maximum curvature [1/m] of one segment; infinite at a cusp.
 
     Args:
-        control: (4, D), so much smaller than the largest number that sums stay in range.
+        control: (4, D), small enough that sums do not overflow.
         v: scratch (_DEPTH + 2, 3, D).
         c: scratch (_DEPTH + 2, pairs of axes, 3).
         spans: scratch (_DEPTH + 2,): number of times that each piece was halved.
@@ -194,7 +194,7 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
     if scale == 0.0:
         return np.inf
     _crosses(v[0], c[0], control, unit)
-    rest = (REST * scale / unit) ** 2
+    rest = (CUSP_SPEED * scale / unit) ** 2
     best = 0.0
     for t in (0.0, 1.0):
         speed2, bend = _at(v[0], c[0], t)
@@ -207,7 +207,7 @@ def _greatest(control: Array, v: Array, c: Array, spans: Array, work: Array) -> 
         examined += 1
         _fill(v[top], c[top], work)
         least, largest, most = _coefficient_bounds(work)
-        if least > 0.0 and most <= best * (1.0 + _SHARP) * least * least * least:
+        if least > 0.0 and most <= best * (1.0 + _SLACK) * least * least * least:
             top -= 1
             continue
         # bound on the rounding error of a coefficient of P
@@ -246,7 +246,7 @@ def _halve(right: Array, left: Array) -> None:
 
 @compiled
 def greatest_curvatures(control: Array) -> Array:
-    """Greatest curvature [1/m] of each segment (n, 4, D): (n,), infinite at a cusp."""
+    """Maximum curvature [1/m] of each segment (n, 4, D): (n,), infinite at a cusp."""
     dimension = control.shape[2]
     v = np.empty((_DEPTH + 2, 3, dimension))
     c = np.empty((_DEPTH + 2, dimension * (dimension - 1) // 2, 3))

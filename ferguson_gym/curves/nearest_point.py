@@ -1,11 +1,11 @@
 """The point of a Bézier curve nearest to the origin, by a certified branch and bound, compiled.
 
-For a Bézier curve Y of degree n, |Y(t)|^2 is a polynomial of degree 2n. Its Bernstein
-coefficients bound it from below, and subdivision tightens the bound. A piece is discarded where
-the bound is no less than the best norm found. Where the coefficients show |Y|^2 to be convex,
-Newton's method finds its minimum, and a tangent bounds it. Coefficients are computed from the
-control points of each subdivided curve, not from those of |Y|^2, so their rounding error shrinks
-with the piece and the answer stays sharp at distance zero.
+For a Bézier curve Y of degree n, |Y(t)|^2 is a polynomial of degree 2n. Its Bernstein coefficients
+bound it from below, and subdivision tightens the bound. A piece is discarded where the bound is no
+less than the best norm found. Where the coefficients show |Y|^2 to be convex, Newton's method finds
+its minimum, and a tangent gives a lower bound. Coefficients are computed from the control points of
+each subdivided curve, not from those of |Y|^2, so their rounding error shrinks with the piece and
+the answer stays sharp at distance zero.
 
 Reference:
     Farouki & Rajan (1987), On the numerical condition of polynomials in Bernstein form,
@@ -24,12 +24,13 @@ from ferguson_gym.runtime.jit import compiled, compiled_in_place
 SHARPNESS = 1e-10
 """The least norm found exceeds the true one by at most this fraction of the curve's scale."""
 DEPTH = 96
-"""Pieces on the stack. A split leaves at most 3/4 of a piece, so that 96 splits reach below
-SHARPNESS; the bound also keeps numbers that overflowed from leaving the scratch memory."""
+"""Maximum number of pieces on the stack. A split leaves at most 3/4 of a piece, so that 96 splits
+reach below SHARPNESS. The limit also prevents writing past the scratch memory if values
+overflow."""
 _ROUNDING = 64.0 * 2.0**-52
 """Bound on the error of a coefficient of |Y|^2, relative to the largest |Y_i|^2."""
 _UNCONVEX = 16.0
-"""Rounding error of a convex polynomial's second and first differences, in units of that error."""
+"""Rounding error of a convex polynomial's second and first differences, in units of `_ROUNDING`."""
 
 
 def products(degree: int) -> Array:
@@ -80,7 +81,7 @@ def _convex_minimum(coefficients: Array, scratch: Array, rows: Rows) -> tuple[fl
     rises = coefficients[degree] - coefficients[degree - 1]
     t = falls / (falls + rises) if falls > 0.0 and rises > 0.0 else 0.5
     bound = -np.inf
-    # a thousandth of the difference that matters to the caller
+    # a thousandth of `SHARPNESS`, the difference that matters to the caller
     fine = 1e-13 * max(coefficients[0], coefficients[degree])
     for _ in range(40):
         for k in range(degree + 1):
@@ -147,7 +148,7 @@ def _is_convex(coefficients: Array, rows: Rows) -> bool:
 
 @compiled_in_place
 def _norm_at(stack: Array, piece: int, t: float, scratch: Array, rows: Rows, axes: Rows) -> float:
-    """|Y(t)| on a piece by de Casteljau's algorithm; |Y|^2 has lost digits near zero."""
+    """|Y(t)| on a piece by de Casteljau's algorithm; |Y|^2 is inaccurate near zero."""
     degree = len(rows) - 1
     norm2 = 0.0
     for d in range(len(axes)):

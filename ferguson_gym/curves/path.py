@@ -1,4 +1,4 @@
-"""A path: Ferguson segments that join with one tangent, checked, saved and loaded."""
+"""A path: Ferguson segments that join with equal derivatives, checked, saved and loaded."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from ferguson_gym.svg import Picture, ShowsPicture
 from ferguson_gym.svg.motion import Timeline
 
 _JOINT = 1e-9
-"""Largest gap between segments, relative to the largest entry of the control array."""
+"""Largest mismatch at a joint, relative to the largest entry of the control array."""
 
 _MARGIN, _SLENDER = 0.05, 0.25
 """Margin around a path in its picture and least height of that, as parts of the longer side."""

@@ -48,7 +48,7 @@ def _checked(array: GenericArray) -> GenericArray:
 
 
 def _generic(control: GenericArray) -> GenericArray:
-    """As `as_control`, but complex numbers stay what they are."""
+    """As `as_control`, but complex input is kept."""
     if isinstance(control, np.ndarray) and control.dtype.kind == "c":
         return _checked(control)
     return as_control(control)
@@ -139,10 +139,11 @@ def curvature(control: ArrayLike, t: ArrayLike) -> Array:
 
 
 def max_curvature(control: ArrayLike) -> Array:
-    """Greatest curvature [1/m] of each segment: (*batch,); 0 on a line, infinite at a cusp.
+    """Maximum curvature [1/m] of each segment: (*batch,); 0 on a line, infinite at a cusp.
 
-    A segment counts as a line if it may be one but for the rounding of its control array, and
-    has a cusp where its speed falls to `REST` of its largest.
+    A segment that is straight up to rounding errors of its control array counts as a line. It has a
+    cusp where |X'| is at most 1e-12 times its largest coordinate
+    (`ferguson_gym.curves.curvature.CUSP_SPEED`).
     """
     control = as_control(control)
     flat = np.ascontiguousarray(control.reshape(-1, *control.shape[-2:]))
@@ -156,7 +157,7 @@ def to_bezier(control: GenericArray) -> GenericArray:
 
 
 def from_bezier(points: GenericArray) -> GenericArray:
-    """Control array (*batch, 4, D) of the cubic with these Bézier points; ValueError as there."""
+    """Control array (*batch, 4, D) of the cubic with these Bézier points; inverts `to_bezier`."""
     control: GenericArray = _FROM_BEZIER @ _generic(points)
     return control
 
@@ -188,13 +189,13 @@ def subdivide(control: ArrayLike, t: float = 0.5) -> tuple[Array, Array]:
 
 @compiled
 def coordinate_extent(start: float, end: float, leave: float, arrive: float) -> tuple[float, float]:
-    """Least and greatest value of one coordinate along a segment.
+    """Minimum and maximum of one coordinate along a segment.
 
     Extremes of a cubic lie at its ends and at the roots of its derivative; a root's
     rounding error moves the value only to second order.
     """
     low, high = min(start, end), max(start, end)
-    # squares of huge or tiny numbers leave the range
+    # squares of huge or tiny numbers would overflow or underflow
     scale = max(abs(start), abs(end), abs(leave), abs(arrive))
     if scale == 0.0:
         return low, high

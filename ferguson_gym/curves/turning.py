@@ -21,8 +21,9 @@ PAPER_ROLL = math.radians(60.0)
 def bending_energy(control: ArrayLike) -> Array:
     """Integral of squared curvature over arc length [1/m]: (*batch,) of segments (*batch, 4, D).
 
-    Adaptive quadrature to a relative error of about 1e-9, more where a segment nearly has a cusp;
-    infinite at one. A circle's arc of radius R through the angle a has a / R.
+    Adaptive quadrature to a relative error of about 1e-9, more where a segment nearly has a cusp.
+    The result is infinite for a segment with a cusp. A circular arc of radius R and angle a has the
+    energy a / R.
     """
     control = as_control(control)
     segments = control.reshape(-1, *control.shape[-2:])
@@ -38,9 +39,9 @@ def _bending_energy(control: Array) -> float:
         speed = np.linalg.norm(derivative(control, [t])[0])
         return float(curvature(control, [t])[0] ** 2 * speed)
 
-    # where a segment is slow it turns sharply, on a stretch that samples may miss
+    # near the minimum of |X'| the curvature can have a narrow peak: the quadrature is split there
     slowest = float(least_speed(control)[1])
-    # full output instead of warnings where a segment nearly stands still
+    # full output instead of warnings where a segment nearly has a cusp
     energy, *_ = quad(
         density, 0.0, 1.0, points=[slowest], epsabs=1e-12, epsrel=1e-9, limit=200, full_output=1
     )

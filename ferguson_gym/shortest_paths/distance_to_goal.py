@@ -1,8 +1,8 @@
-"""The exact distance to the goal from any point of a field, and the shortest path from there.
+"""The exact distance to the goal (the cost-to-go) from any point of a field, and the path.
 
-From a point the shortest path leads straight to the goal, or along a tangent to one of the tracks
-of the tangent graph, whose nodes hold the rest of the distance. Tangents are tried in the order of
-a lower bound on the length of the path, so that few of them are tested for collisions.
+From a point the shortest path leads straight to the goal, or along a tangent to a disc; the tangent
+graph stores the remaining distance at each of its nodes. Tangents are tried in the order of a lower
+bound on the length of the path, so that few of them are tested for collisions.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 
 STRAIGHT, NOWHERE = -1, -2
-"""In place of a track: straight to the goal, and no path at all."""
+"""Values used instead of a track's index: straight to the goal, and no path."""
 
 
 class Departure(NamedTuple):
@@ -58,10 +58,10 @@ class Departure(NamedTuple):
 
 @compiled
 def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
-    """Whether a point is free, and the discs as obstacles of lines from it.
+    """Whether a point is free, and the discs that lines from the point must avoid.
 
-    A point may lie inside a disc or outside the bounds by the tolerance [m]. A line from it may
-    then be as deep in that disc as the point itself.
+    A point may lie inside a disc or outside the bounds by at most the tolerance [m]. A line from it
+    may then enter that disc as deep as the point itself.
     """
     discs, box = scene.discs, scene.box
     slack = tolerance - scene.margin
@@ -157,7 +157,7 @@ class DistanceToGoal:
 
     field: Field
     tolerance: float = PAPER_LIMITS.tolerance
-    """By how much a point may lie inside discs or outside the bounds [m]."""
+    """Depth [m] by which a point may lie inside discs or outside the bounds."""
     scene: Scene = dataclasses.field(init=False, repr=False)
     """The discs that can obstruct a path."""
     kept: Integers = dataclasses.field(init=False, repr=False)
@@ -178,8 +178,8 @@ class DistanceToGoal:
         goal. Where two paths are equally short it belongs to one of them.
 
         Args:
-            points: (n, 2) [m]. A point that violates discs or bounds by the tolerance at most
-                is free; its path runs no deeper in a disc than the point lies.
+            points: (n, 2) [m]. A point that violates discs or bounds by at most the tolerance
+                counts as free; its path enters a disc no deeper than the point itself.
 
         Returns:
             Distance (n,) [m], infinite where there is no path or the point is not free, and
@@ -194,8 +194,8 @@ class DistanceToGoal:
     def path(self, point: ArrayLike) -> ShortestPath | None:
         """The shortest path from a point (2,) [m] to the goal, None if there is none.
 
-        From a point that lies in a disc by the tolerance, and whose path goes round that disc, it
-        starts on the disc's boundary.
+        From a point in a disc, within the tolerance, whose path goes around that disc, it starts on
+        the disc's boundary.
 
         Raises:
             ValueError: another shape, NaN or infinity.
@@ -219,11 +219,11 @@ class DistanceToGoal:
     def trace(
         self, start: Sequence[float], turns: list[tuple[int, float, float]], length: float
     ) -> ShortestPath:
-        """A path from its start (2,) and its turns, each a track with the angles of its ends."""
+        """Build a path from its start (2,) and its arcs (track, start angle, end angle)."""
         where = np.array([turn[0] for turn in turns], dtype=np.int64)
         senses = 1 - 2 * (where % 2)
         discs = self.kept[where // 2]
-        # from the track's sense to the usual one
+        # from angles in the track's direction to counter-clockwise ones
         angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
         obstacles = self.field.obstacles
         assert isinstance(obstacles, Discs)
@@ -246,7 +246,7 @@ class DistanceToGoal:
 
 @lru_cache(maxsize=2)
 def distance_to_go(field: Field) -> DistanceToGoal:
-    """The distance to the goal of a field, kept for the last two fields (by identity).
+    """The distance to the goal of a field, cached for the last two fields (by identity).
 
     Raises:
         TypeError: obstacles other than discs in the plane.

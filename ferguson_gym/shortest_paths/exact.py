@@ -1,4 +1,4 @@
-"""The shortest path through a field of discs, and its length, the reference for all flights."""
+"""The shortest path among the discs of a field, and its length, the reference for all flights."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ferguson_gym.world.obstacles import Discs
 
 
 def shortest_path(field: Field) -> ShortestPath | None:
-    """The shortest path from start to goal through no open disc and inside the bounds.
+    """The shortest path from start to goal, outside the open discs and inside the bounds.
 
     Exact up to the margin of `ferguson_gym.shortest_paths.tangents`; None if there is no path.
 
@@ -51,7 +51,7 @@ def _exact_length(
     centers: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes
 ) -> float | None:
     field = Field(
-        name="known by its content",
+        name="cached copy",
         obstacles=Discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
         start=np.frombuffer(start),
         goal=np.frombuffer(goal),

@@ -34,13 +34,13 @@ from ferguson_gym.shortest_paths.distance_to_goal import (
     straight,
 )
 from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
-from ferguson_gym.shortest_paths.tangents import TURN, Records, Scene, is_clear, view
+from ferguson_gym.shortest_paths.tangents import TWO_PI, Records, Scene, is_clear, view
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 
-TOUCH = 1e-7
-"""A disc along which a path turns by less [rad] is only touched. A turn that is by less than this
-short of a full one is a loop."""
+MIN_SWEEP = 1e-7
+"""Arcs shorter than this angle [rad] count as touching; arcs within this angle of a full turn count
+as loops."""
 
 
 class Stage(NamedTuple):
@@ -72,7 +72,7 @@ def _point(discs: Records, track: int, at: float) -> tuple[float, float]:
 
 
 @compiled
-def _long(stage: Stage) -> float:
+def _line_length(stage: Stage) -> float:
     """Length of a stage's line [m]."""
     long: float = np.hypot(stage.end_x - stage.x, stage.end_y - stage.y)
     return long
@@ -80,9 +80,9 @@ def _long(stage: Stage) -> float:
 
 @compiled
 def _separated(one: Stage, other: Stage, least: float) -> bool:
-    """Whether the ends of one line lie on different sides of another, by a least distance [m]."""
+    """Whether the ends of one line lie on different sides of another, `least` [m] away or more."""
     dx, dy = other.end_x - other.x, other.end_y - other.y
-    least *= _long(other)
+    least *= _line_length(other)
     start = dx * (one.y - other.y) - dy * (one.x - other.x)
     end = dx * (one.end_y - other.y) - dy * (one.end_x - other.x)
     separated: bool = min(start, end) < -least and max(start, end) > least
@@ -90,15 +90,15 @@ def _separated(one: Stage, other: Stage, least: float) -> bool:
 
 
 @compiled
-def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
+def _has_loop(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
     """Whether a stage's last arc or line meets an earlier part of its route."""
     last = stages[index]
     if last.parent < 0:
         return False
     arc = stages[last.parent]
     # beyond half a turn, the tangents at an arc's ends meet in front of the disc
-    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TURN - last.turn))
-    if last.turn > 0.5 * TURN and min(_long(last), _long(arc)) > ahead:
+    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TWO_PI - last.turn))
+    if last.turn > 0.5 * TWO_PI and min(_line_length(last), _line_length(arc)) > ahead:
         return True
     least = 1e-3 * margin  # lines that touch do not cross
     before, turn = arc.parent, arc.turn
@@ -116,10 +116,10 @@ def _loops(stages: list[Stage], index: int, discs: Records, margin: float) -> bo
 
 
 @compiled
-def _grow(
+def _search(
     scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float, k: int
 ) -> tuple[list[Stage], list[int]]:
-    """Stages of the k best routes, and their last stages in the order of length."""
+    """All stages of the search, and the indices of the last stages of the k best routes."""
     stages = [Stage(-1, STRAIGHT, 0.0, 0.0, 0.0, x, y, x, y) for _ in range(0)]
     ends = [0 for _ in range(0)]
     heap = [(0.0, 0) for _ in range(0)]
@@ -143,7 +143,7 @@ def _grow(
     heapq.heapify(heap)
     while len(heap) > 0 and len(ends) < k:
         index = heapq.heappop(heap)[1]
-        if _loops(stages, index, discs, scene.margin):
+        if _has_loop(stages, index, discs, scene.margin):
             continue
         stage = stages[index]
         track = stage.track
@@ -157,7 +157,11 @@ def _grow(
             other = tracks.other[node]
             togo = tracks.togo[other] if other >= 0 else 0.0
             turn = sweep(stage.at, tracks.angle[node])
-            if tracks.line[node] >= 0.0 and togo < np.inf and TOUCH <= turn <= TURN - TOUCH:
+            if (
+                tracks.line[node] >= 0.0
+                and togo < np.inf
+                and MIN_SWEEP <= turn <= TWO_PI - MIN_SWEEP
+            ):
                 px, py = _point(discs, track, tracks.angle[node])
                 length = stage.length + turn * discs[track // 2].radius + tracks.line[node]
                 heapq.heappush(heap, (length + togo, len(stages)))
@@ -178,7 +182,7 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
     x, y = finite("point", point, (2,))
     if k < 1:
         raise ValueError(f"at least 1 class must be asked for, got {k}")
-    stages, ends = _grow(
+    stages, ends = _search(
         distance.scene, distance.tracks, distance.field.goal, x, y, distance.tolerance, k
     )
     paths = []

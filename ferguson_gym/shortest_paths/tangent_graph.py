@@ -1,17 +1,18 @@
 """The tangent graph of a field with the shortest distance to the goal from every node, compiled.
 
-A track is a disc's boundary with a sense of direction. In the order of that direction its nodes
-are the points where tangents leave it, the points where tangents arrive, and walls: the middles of
-those arcs that another disc or the outside of the bounds covers. Edges lead from a node along the
-track to the next node, unless that is a wall, and along the tangent that leaves there. Tangents
-touch tracks where no disc covers them and inside the bounds, so that walls need no width: an arc
-that enters a disc or leaves the bounds can only return past a wall. A node has at most two outgoing
-edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
+A track is a disc's boundary with a direction, clockwise or counter-clockwise. Its nodes, ordered
+along that direction, are the points where tangents leave or arrive, and walls: points in the middle
+of arcs that are covered by another disc or lie outside the bounds. Edges lead from a node along the
+track to the next node, unless that is a wall, and along the tangent that leaves there. A wall can
+be a single point, because tangents touch only parts of tracks that are uncovered and inside the
+bounds: an arc that enters a disc or leaves the bounds can only return past a wall. A node has at
+most two outgoing edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
 
 Every path through this graph is taut: it turns only along discs, hence is locally shortest. A
-shortest path bends nowhere else, since the bounds are convex, and so is the free corner where two
-discs meet. Where three discs have a common tangent, rounding decides whether the middle disc is
-reached before or after the point where it is left; the tangent past all three is an edge, too.
+shortest path bends only on discs: the bounds are convex, and where two discs overlap, the corner of
+the free space is convex, so that a path never bends there. Where three discs have a common tangent,
+rounding decides whether the middle disc is reached before or after the point where it is left; the
+tangent past all three is also an edge.
 
 Reference:
     Dijkstra (1959), A note on two problems in connexion with graphs, Numerische Mathematik 1.
@@ -28,7 +29,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.tangents import (
-    TURN,
+    TWO_PI,
     Integers,
     Scene,
     Tangents,
@@ -41,16 +42,16 @@ from ferguson_gym.shortest_paths.tangents import (
 )
 
 GOAL, WALL = -1, -2
-"""In place of the other node of a tangent."""
+"""Values used instead of the index of a tangent's other node."""
 
 
 class Tracks(NamedTuple):
     """Nodes (m,) in the order of their tracks, and the shortest path to the goal from each."""
 
     first: Integers
-    """(2 n + 1,) first node of each track, and m."""
+    """(2 n + 1,) index of the first node of each track; the last entry is m."""
     track: Integers
-    """(m,)."""
+    """(m,) track of each node."""
     angle: Array
     """(m,) in the track's sense, in [0, 2 pi), increasing along a track [rad]."""
     other: Integers
@@ -67,14 +68,14 @@ class Tracks(NamedTuple):
 
 @compiled
 def sweep(before: float, after: float) -> float:
-    """Angle from one direction on to another [rad], less than a full turn."""
+    """Angle from one direction to another, measured upwards [rad]: in [0, 2 pi)."""
     turn = after - before
-    return turn if turn >= 0.0 else turn + TURN
+    return turn if turn >= 0.0 else turn + TWO_PI
 
 
 @compiled
 def following(tracks: Tracks, track: int, at: float) -> int:
-    """The node that comes next on a track from an angle on, or -1 if the track has none."""
+    """The first node of a track at or after an angle, or -1 if the track has none."""
     first, end = tracks.first[track], tracks.first[track + 1]
     if first == end:
         return -1
@@ -84,7 +85,7 @@ def following(tracks: Tracks, track: int, at: float) -> int:
 
 @compiled
 def _walls(scene: Scene) -> tuple[Integers, Array]:
-    """Tracks and angles at which a boundary is covered most deeply."""
+    """Discs, and angles at which their boundaries are covered most deeply."""
     where, angles = [0 for _ in range(0)], [0.0 for _ in range(0)]
     discs, box = scene.discs, scene.box
     for i in range(len(discs)):
@@ -98,7 +99,7 @@ def _walls(scene: Scene) -> tuple[Integers, Array]:
         for side in range(4):
             if beyond[side]:
                 where.append(i)
-                angles.append(side * TURN / 4.0)
+                angles.append(side * TWO_PI / 4.0)
         for j in range(len(discs)):
             dx, dy = discs[j].x - x, discs[j].y - y
             # the boundary's point nearest to the other centre
@@ -118,12 +119,12 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     other = np.full(room, WALL)
     for k in range(m):
         a, b = lines.angles[k]
-        # there and back: leaving nodes are even, and the nodes of a pair differ in the last bit
+        # both directions: leaving nodes are even, and the nodes of a pair differ in the last bit
         for node, where, there in (
             (4 * k, lines.leave[k], a),
             (4 * k + 1, lines.arrive[k], b),
-            (4 * k + 2, lines.arrive[k] ^ 1, -b % TURN),
-            (4 * k + 3, lines.leave[k] ^ 1, -a % TURN),
+            (4 * k + 2, lines.arrive[k] ^ 1, -b % TWO_PI),
+            (4 * k + 3, lines.leave[k] ^ 1, -a % TWO_PI),
         ):
             track[node], at[node], other[node] = where, there, node ^ 1
             line[node] = lines.length[k] if node % 2 == 0 else -1.0
@@ -144,9 +145,9 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     for k in range(len(covered)):
         for side in range(2):
             track[count] = 2 * covered[k] + side
-            at[count] = (middles[k] if side == 0 else -middles[k]) % TURN
+            at[count] = (middles[k] if side == 0 else -middles[k]) % TWO_PI
             count += 1
-    # by angle, and then into the tracks as they come
+    # sort by angle, then distribute to the tracks in that order
     first = np.zeros(2 * n + 1, dtype=np.int64)
     for node in range(count):
         first[track[node] + 1] += 1

@@ -1,12 +1,12 @@
 """Common tangents of discs, and whether they are free of collisions.
 
-A shortest path among discs is straight but for arcs along them, and its straight pieces touch the
-discs at their ends. The path follows a disc on its right clockwise, sense -1, and a disc on its
+A shortest path among discs consists of straight lines and of arcs along discs, and its lines touch
+the discs at their ends. The path follows a disc on its right clockwise, sense -1, and a disc on its
 left counter-clockwise, sense +1. A point is a disc of radius zero.
 
 One margin separates free from blocked, 1e-9 of the field's size (1e-7 m in the paper's fields): a
 line or arc may cut into a disc or leave the bounds by that much. A path can therefore pass between
-two discs that touch, or that overlap by no more than the margin, and through any gap, however
+two discs that touch, or that overlap by no more than the margin, and through any passage, however
 narrow. Discs smaller than the margin are ignored.
 
 Reference:
@@ -30,7 +30,7 @@ Integers = NDArray[np.int64]
 
 MARGIN = 1e-9
 """Depth to which a path may cut into a disc or leave the bounds, relative to the field's size."""
-TURN = 2.0 * math.pi
+TWO_PI = 2.0 * math.pi
 
 Records = NDArray[np.void]
 """An array of DISC."""
@@ -40,7 +40,7 @@ DISC = np.dtype(
         ("x", np.float64),  # centre [m]
         ("y", np.float64),
         ("radius", np.float64),  # [m]
-        ("reach", np.float64),  # nearer to the centre [m], a point is inside
+        ("reach", np.float64),  # distance from the centre below which a point counts as inside [m]
     ]
 )
 
@@ -51,7 +51,7 @@ class Scene(NamedTuple):
     discs: Records
     """(n,); their reach is the radius less the margin."""
     box: Array
-    """(2, 2) least and greatest coordinates, and the margin beyond [m]."""
+    """(2, 2) lower and upper bounds of the coordinates, enlarged by the margin [m]."""
     margin: float
     """[m]."""
 
@@ -68,9 +68,9 @@ class View(NamedTuple):
 class Tangents(NamedTuple):
     """Common tangents of discs that are free of collisions.
 
-    Disc i gone round in sense +1 is track 2 i, in sense -1 track 2 i + 1; angles are measured in
-    the track's sense, so they grow on the way. Reversed, a tangent leads from track `arrive ^ 1`
-    to `leave ^ 1`, and angles change sign.
+    Track 2 i is disc i traversed counter-clockwise (sense +1), track 2 i + 1 clockwise (sense -1).
+    Angles are measured in the track's sense, so that they grow along it. Reversed, a tangent leads
+    from track `arrive ^ 1` to `leave ^ 1`, and angles change sign.
     """
 
     leave: Integers
@@ -114,7 +114,7 @@ def scene(field: Field) -> tuple[Scene, Integers]:
 def _matters(
     centers: Array, radii: Array, order: Integers, low: Array, high: Array, margin: float
 ) -> NDArray[np.bool_]:
-    """Whether a disc reaches into the bounds and is within none that comes before it in order."""
+    """Whether a disc reaches into the bounds and is not contained in a disc before it in order."""
     matters = np.zeros(len(radii), dtype=np.bool_)
     for place in range(len(order)):
         i = order[place]
@@ -144,10 +144,10 @@ def view(discs: Records, x: float, y: float) -> View:
 
 @compiled
 def tangent(x: float, y: float, across: float) -> tuple[float, float, float]:
-    """Length [m] and unit direction of the tangent of two discs with centres (x, y) [m] apart.
+    """Length [m] and unit direction of a tangent of two discs whose centres differ by (x, y) [m].
 
-    `across` is sense times radius of the second less that of the first [m]; where it exceeds the
-    centres' distance the discs are taken to touch. NaN if the centres coincide.
+    `across` is sense times radius of the second disc minus that of the first [m]; where it exceeds
+    the centres' distance the discs are taken to touch. NaN if the centres coincide.
     """
     square = x * x + y * y
     length = np.sqrt(max(square - across * across, 0.0))
@@ -158,14 +158,14 @@ def tangent(x: float, y: float, across: float) -> tuple[float, float, float]:
 
 @compiled
 def angle(sense: float, ux: float, uy: float) -> float:
-    """Where a track's way has the direction (ux, uy): an angle in its sense, in [0, 2 pi)."""
+    """Angle in [0, 2 pi), in a track's sense, where its direction of travel is (ux, uy)."""
     # seen from the centre, the point lies in the direction (uy, -ux) times the sense
-    return math.atan2(-ux, sense * uy) % TURN
+    return math.atan2(-ux, sense * uy) % TWO_PI
 
 
 @compiled
 def is_within(box: Array, x: float, y: float) -> bool:
-    """Whether a point lies in a box (2, 2) of least and greatest coordinates."""
+    """Whether a point lies in a box (2, 2) of lower and upper bounds."""
     within: bool = box[0, 0] <= x <= box[1, 0] and box[0, 1] <= y <= box[1, 1]
     return within
 
@@ -183,10 +183,10 @@ def is_clear(
     one: int,
     other: int,
 ) -> bool:
-    """Whether a line from (x, y) in a unit direction meets no disc but `one` and `other`.
+    """Whether a line from (x, y) in a unit direction meets no disc except `one` and `other`.
 
-    Those are discs that it touches, or -1. Its points lie within `far` [m] of the point from
-    which `view` was taken.
+    The line touches these two; -1 stands for none. All points of the line must lie within `far` [m]
+    of the point for which `view` was computed.
     """
     for place in range(len(discs)):
         if view.near[place] >= far:
@@ -208,7 +208,7 @@ def is_clear(
 
 @compiled
 def tangents(scene: Scene) -> Tangents:
-    """All common tangents of discs that meet no other disc and end inside the bounds."""
+    """All collision-free common tangents of discs that end inside the bounds."""
     discs = scene.discs
     room, count = 256, 0
     leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)

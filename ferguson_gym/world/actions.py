@@ -1,16 +1,16 @@
 """The one encoding of segments as actions, shared by environment, optimiser and agents.
 
 An action (4,) in [-1, 1] encodes the end point and end derivative of a planar segment, in the
-frame that is turned with the vehicle (first axis forward, second to the left):
+vehicle's frame (first axis forward, second to the left):
 
 - end point: `REACH` times the Möbius translation (q + z) / (1 + q z) of z = a[0] + i a[1].
   The unit disc is mapped onto itself, smoothly, so every end point within 15.001 m has
   exactly one action, and z = 0 is 9 m ahead (q = 9 / 15.001).
-- end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and
-  coarse far out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a
-  derivative of 9 m per unit t. Its axes are turned by 2 y / 9 m, y the end point's distance
-  to the left: near straight flight that is the way a circular arc to the end point arrives,
-  so an action of end points alone flies smooth curves.
+- end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and coarse far
+  out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a derivative of 9 m per
+  unit t. Its axes are rotated by 2 y / (9 m), with y the end point's offset to the left. To first
+  order this is the heading at which a circular arc reaches the end point, so that actions with a[2]
+  = a[3] = 0 give smooth curves.
 
 A feasible segment of 15 m has derivatives below 4.3904 x 15 m = 65.86 m per unit t (the
 greatest value at an end of a quadratic polynomial whose absolute value has integral one),
@@ -38,7 +38,7 @@ AHEAD = 9.0
 SHARE = AHEAD / REACH
 """Parameter q of the end point's translation."""
 FINENESS = 4.0
-"""Factor in sinh: the larger, the finer are small derivatives encoded."""
+"""Factor in sinh: the larger it is, the finer is the encoding of small derivatives."""
 SPREAD = float(STEEPEST / np.sinh(FINENESS))
 """Derivative [m per unit t] by which sinh is multiplied."""
 OFFSET = float(np.arcsinh(AHEAD / SPREAD) / FINENESS)
@@ -46,12 +46,12 @@ OFFSET = float(np.arcsinh(AHEAD / SPREAD) / FINENESS)
 _TINY = 1e-140
 """Length [m per unit t] below which a derivative is scaled before it is squared."""
 BEND = 2.0 * REACH / AHEAD
-"""Turn of the end derivative's axes [rad] for an end point `REACH` to the left."""
+"""Rotation of the end derivative's axes [rad] for an end point `REACH` to the left."""
 
 
 @compiled
 def heading(along: float, across: float) -> complex:
-    """Direction of a derivative as a complex number of size 1; the first axis for zero."""
+    """Direction of a derivative as a complex number of modulus 1; the first axis for zero."""
     size = np.sqrt(along * along + across * across)
     if size < _TINY:  # the squares would underflow
         scale = max(abs(along), abs(across))
@@ -113,7 +113,7 @@ def check_action(action: ArrayLike, where: str = "") -> Array:
     """Return an action (4,) in double precision.
 
     Raises:
-        ValueError: another shape, not finite, or outside [-1, 1]; the message says `where`.
+        ValueError: another shape, not finite, or outside [-1, 1]; the message includes `where`.
     """
     return _within_box(finite(f"action{where}", action, (4,)), action, where)
 

@@ -1,4 +1,9 @@
-"""Feasibility of segments: the one test that environment, planners and evaluation use."""
+"""Feasibility of segments, certified along their whole length, for all of the project.
+
+`inspect` certifies arrays of segments, and `is_feasible` compares the result with the limits.
+`first_failure` is the same test of one segment, compiled for the environment. A minimum turn radius
+is not part of it: see `ferguson_gym.world.turn_radius`.
+"""
 
 from __future__ import annotations
 
@@ -100,7 +105,7 @@ def first_failure(
         columns: (D, n) centres of the discs.
         radii: (n,).
         limits: of the flight.
-        cutoff: clearances that are not below it are not searched for.
+        cutoff: the search ignores discs farther than this; see the result.
         scratch: memory, for n discs or more.
 
     Returns:
@@ -164,7 +169,7 @@ def is_feasible(
         control: (*batch, 4, D) segments.
         field: where they are flown.
         limits: of a segment.
-        tolerance: replaces that of the limits [m]; planners aim for less.
+        tolerance: [m], instead of that of the limits; planners use a smaller one.
 
     Example:
         >>> from ferguson_gym.world.field_names import get_field

@@ -36,8 +36,8 @@ class Field(ShowsPicture):
 
     Raises:
         ValueError: shapes that do not match, NaN or infinity, start or goal inside an
-            obstacle or outside the bounds, start on the goal, bounds upside down, a start
-            derivative shorter than a regular segment allows.
+            obstacle or outside the bounds, start on the goal, lower bounds not below upper bounds,
+            a start derivative shorter than a regular segment allows.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Field(ShowsPicture):
     goal: Array = dataclasses.field(default_factory=lambda: np.array(GOAL))
     """(D,) [m]."""
     bounds: Array = dataclasses.field(default_factory=lambda: np.array(BOUNDS))
-    """Least and greatest coordinate: (2,) for all alike, or (2, D) [m]; kept as (2, D)."""
+    """Lower and upper bound: (2,) if equal for all axes, or (2, D) [m]; kept as (2, D)."""
     start_derivative: Array | None = None
     """(D,) [m per unit t]; None: towards the goal, 5 m per unit t. Kept as an array."""
 
@@ -206,7 +206,7 @@ def planar_discs(field: Field) -> Discs:
     """
     discs = field.obstacles
     if not isinstance(discs, Discs):
-        raise TypeError(f"the environment knows discs only, not {type(discs).__name__}")
+        raise TypeError(f"the environment supports discs only, not {type(discs).__name__}")
     if discs.dimension != 2:
         raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
     return discs

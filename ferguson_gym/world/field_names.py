@@ -79,7 +79,7 @@ def _in(directory: Path) -> list[Path]:
 def family(spec: str) -> tuple[str, range]:
     """Family and range of a specification of drawn fields: `FAMILY:n` for each n of the range.
 
-    Such names stand for the same fields at all times; files may change.
+    Such names always stand for the same fields; files may change.
 
     Raises:
         ValueError: as `get_fields`, or it names files.

@@ -32,7 +32,7 @@ class Limits:
     """
 
     shortest: float = 3.0
-    """Minimum arc length [m]. Forces progress out of concave pockets."""
+    """Minimum arc length [m]. Excludes segments that hardly move, as in concave pockets."""
     longest: float = 15.0
     """Maximum arc length [m]; a third of the planning horizon."""
     slowest: float = 0.1

@@ -26,7 +26,7 @@ class Obstacles(Protocol):
         """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside."""
 
     def are_free(self, points: Array) -> NDArray[np.bool_]:
-        """Whether no point of each set (*batch, k, D) is inside an obstacle: (*batch,)."""
+        """Whether all points of each set (*batch, k, D) are outside all obstacles: (*batch,)."""
 
     def gradient(self, points: Array) -> Array:
         """Gradient of `signed_distance` with respect to the point: (*batch, n, D)."""
@@ -44,7 +44,7 @@ class Obstacles(Protocol):
         """Certified least signed distance along whole segments: (*batch,) [m]."""
 
     def closest(self, control: ArrayLike) -> tuple[Array, Array]:
-        """Certified clearance from each obstacle and its parameter: 2 x (*batch, n)."""
+        """Certified clearance from each obstacle and the parameter t there: 2 x (*batch, n)."""
 
 
 @compiled
@@ -104,14 +104,14 @@ class Discs:
     def signed_distance(self, points: GenericArray) -> GenericArray:
         """Distance of points (*batch, D) to each disc: (*batch, n) [m], negative inside.
 
-        No conjugate is taken, so that complex points can be differentiated by complex step.
+        Uses x * x instead of |x|^2, so that the complex-step method works.
         """
         offset = points[..., None, :] - self.centers
         distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
         return distance
 
     def are_free(self, points: Array) -> NDArray[np.bool_]:
-        """Whether no point of each set (*batch, k, D) is inside a disc: (*batch,)."""
+        """Whether all points of each set (*batch, k, D) are outside all discs: (*batch,)."""
         flat = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))
         return _are_free(flat, self.centers, self.radii).reshape(points.shape[:-2])
 

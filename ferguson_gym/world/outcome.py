@@ -6,14 +6,14 @@ from enum import Enum
 
 
 class Outcome(Enum):
-    """Outcome of a segment or flight. Codes and names are stable: data carries them."""
+    """Outcome of a segment or flight. Codes and names never change, since data stores them."""
 
     FLYING = (0, "flying", "still on its way")
     GOAL_REACHED = (1, "goal_reached", "reached the goal")
     COLLISION = (2, "collision", "cut into an obstacle")
     TOO_LONG = (3, "too_long", "a segment was too long")
     TOO_SHORT = (4, "too_short", "a segment was too short")
-    NOT_REGULAR = (5, "not_regular", "a segment nearly stood still: a corner in disguise")
+    NOT_REGULAR = (5, "not_regular", "the parametric speed of a segment was too low (a cusp)")
     LEFT_BOUNDS = (6, "left_bounds", "left the bounds of the field")
     OUT_OF_SEGMENTS = (7, "out_of_segments", "used up its segments before the goal")
     GAVE_UP = (8, "gave_up", "the policy found no further segment")
@@ -24,7 +24,7 @@ class Outcome(Enum):
         self.label = label
         """Stable name, as in files."""
         self.sentence = sentence
-        """What people are shown."""
+        """Text shown to users."""
 
     @property
     def success(self) -> bool:

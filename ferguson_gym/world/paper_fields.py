@@ -1,11 +1,11 @@
 """The paper's four fields, reconstructed, and the results printed in the paper.
 
-The paper names its fields rng(1) to rng(4) and gives no coordinates. These are rebuilt from
-one stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign`
-draws them, scaled to [5, 95], then 50 radii between 3 and 7 m. That they are the paper's is
-likely, not proved: rng(4) has the barrier of touching discs near (50, 40) that the paper
-describes, single-start is stuck on rng(4) as it was there, and no other order of
-the calls that was tried allows the paper's four path lengths.
+The paper names its fields rng(1) to rng(4) and gives no coordinates. These are rebuilt from one
+stream of MATLAB's Mersenne Twister: two Latin hypercubes of 25 points as `lhsdesign` draws them,
+scaled to [5, 95], then 50 radii between 3 and 7 m. That they are the paper's is likely, not proved:
+rng(4) has the barrier of touching discs near (50, 40) that the paper describes, single-start is
+stuck on rng(4) as it was there, and no other order of the calls that was tried is compatible with
+the paper's four path lengths.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ TABLE_I: dict[tuple[str, str], TableRow] = {
 
 
 def is_from_paper(field: Field) -> bool:
-    """Whether a field is the paper's field of that name; a file of the name may hold another."""
+    """Whether a field is the paper's field of that name; a JSON file may have the same name."""
     family, _, number = field.name.partition(":")
     known = family == "paper" and number in map(str, FIELDS)
     if not known or not isinstance(field.obstacles, Discs):

@@ -18,7 +18,7 @@ from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
 
 SPLITS = ("train", "validation", "test")
-"""Tune on train, select on validation, evaluate on test once."""
+"""Train and tune on train, select on validation, evaluate once on test."""
 LAST_SEED = 2**63 - 1
 
 

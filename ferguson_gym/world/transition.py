@@ -19,7 +19,7 @@ from ferguson_gym.world.outcome import Outcome
 
 @dataclass(frozen=True, slots=True, eq=False)
 class State:
-    """State of a vehicle; not always the end of its last segment, since disturbances may act."""
+    """State of a vehicle; not always the end of its last segment: a caller may set another."""
 
     position: Array
     """(2,) [m]."""
@@ -53,7 +53,7 @@ FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
 
 
 class Follow(Protocol):
-    """How a vehicle flies a planned segment."""
+    """How a planned segment is executed."""
 
     def __call__(self, field: Field, state: State, segment: ArrayLike, limits: Limits) -> Step:
         """Fly to the end of a segment (4, 2) from a state; refuse it if it is not feasible."""
@@ -63,7 +63,7 @@ def initial_state(field: Field) -> State:
     """The state at the start of a field.
 
     Raises:
-        ValueError: a field that is not planar; actions are.
+        ValueError: the field is not planar (actions are planar).
     """
     if len(field.start) != 2:
         raise ValueError(
@@ -92,7 +92,7 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
 def advance_all(
     field: Field, states: Sequence[State], actions: ArrayLike, limits: Limits = PAPER_LIMITS
 ) -> list[Step]:
-    """As `advance`, from n states by actions (n, 4) in one field at once, which is faster.
+    """`advance` for n states and actions (n, 4) in one field in a single call, which is faster.
 
     Raises:
         ValueError: actions of another shape, not finite or outside [-1, 1].

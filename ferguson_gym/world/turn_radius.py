@@ -77,7 +77,7 @@ def _halve(v: Array, c: Array, left_v: Array, left_c: Array) -> None:
 
 @compiled
 def _too_sharp(control: Array, radius: float) -> float:
-    """A parameter near which one segment (4, 2) is not proved to keep a radius; NaN if none."""
+    """NaN if one segment (4, 2) provably keeps a radius, else where that failed, a parameter t."""
     v, c = np.empty((_DEPTH + 2, 3, 2)), np.empty((_DEPTH + 2, 3))
     spans, work = np.empty((_DEPTH + 2, 2)), np.empty((3, 13))
     scale = largest = 0.0
@@ -92,12 +92,12 @@ def _too_sharp(control: Array, radius: float) -> float:
         return 0.0
     for i in range(3):
         for d in range(2):
-            v[0, i, d] /= scale  # powers would leave the range
+            v[0, i, d] /= scale  # avoids overflow of powers
     ratio = radius / scale
     c[0, 0] = 2.0 * ratio * (v[0, 0, 0] * v[0, 1, 1] - v[0, 0, 1] * v[0, 1, 0])
     c[0, 1] = ratio * (v[0, 0, 0] * v[0, 2, 1] - v[0, 0, 1] * v[0, 2, 0])
     c[0, 2] = 2.0 * ratio * (v[0, 1, 0] * v[0, 2, 1] - v[0, 1, 1] * v[0, 2, 0])
-    # rounding error of v from coordinates and halving; that of c is its slope in v times as much
+    # rounding error of v from coordinates and halving; the error of c is that times dc/dv
     off = 16.0 * _EPSILON * (largest / scale + _DEPTH)
     off_c = 16.0 * ratio * off
     spans[0, 0], spans[0, 1] = 0.0, 1.0
@@ -149,7 +149,7 @@ def check_turn_radius(radius: float, tolerance: float) -> float:
     if not tolerance < radius < math.inf:
         raise ValueError(
             f"a turn radius to keep must be finite and above the tolerance of {tolerance:g} m, "
-            f"got {radius} m; leave it out to turn at will"
+            f"got {radius} m; omit it to allow any turn"
         )
     return float(radius)
 
@@ -165,7 +165,7 @@ def too_sharp_at(
         tolerance: allowed violation of the radius [m].
 
     Raises:
-        ValueError: segments that are not planar or not finite, or no radius to keep.
+        ValueError: segments that are not planar or not finite, or an invalid radius.
     """
     control = as_control(control)
     if control.shape[-1] != 2:
@@ -180,9 +180,9 @@ def keeps_turn_radius(
 ) -> NDArray[np.bool_]:
     """Whether each segment's radius of curvature is at least `radius` everywhere: (*batch,).
 
-    True is proved. The answer may be False although the least radius exceeds `radius - tolerance`,
-    by less than about 1e-12 of it, or by more where the derivative nearly vanishes. A segment
-    whose derivative vanishes anywhere keeps no radius.
+    True is proved. False may be wrong if the smallest radius exceeds `radius - tolerance` by less
+    than about 1e-12 (relative), or by more where |X'| is nearly zero. A segment whose derivative
+    vanishes anywhere keeps no radius.
 
     Args:
         control: (*batch, 4, 2) segments.
@@ -190,7 +190,7 @@ def keeps_turn_radius(
         tolerance: allowed violation of the radius [m].
 
     Raises:
-        ValueError: segments that are not planar or not finite, or no radius to keep.
+        ValueError: segments that are not planar or not finite, or an invalid radius.
 
     Example:
         >>> bend = [[0, 0], [9, 3], [9, 0], [9, 6]]

@@ -1,8 +1,9 @@
 """Optimisation of windows of segments, and the certification of what solvers return.
 
-A `Window` is a nonlinear programme over a few segments: a chain, an objective and constraints.
-`MultiStart` solves it from many first guesses by elastic SQP (`sqp`); `reference` has the paper's
-solver and others to compare with. `certify` proves chains feasible.
+A `Window` is a nonlinear program over a few segments: a chain, an objective and constraints.
+`MultiStart` solves it from many initial guesses by elastic SQP; its constraints are the contacts in
+`sqp`. `reference` has solvers to compare with (SLSQP in place of the paper's, IPOPT); they use
+`sampled_constraints`. `certify` proves chains feasible.
 """
 
 from planners.optimization.certification import certify as certify

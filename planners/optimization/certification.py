@@ -1,4 +1,4 @@
-"""Certification of planned chains, and what solvers of a window return."""
+"""Certification of planned chains, and the result types of window solvers."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import is_feasible, keeps_turn_radius
 from planners.optimization.window import Window
 
-AIM = 1e-6
+TARGET_TOLERANCE = 1e-6
 """Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
-ROUNDS = 12
-"""Most solves of one window."""
+MAX_SOLVES = 12
+"""Maximum number of solves per window."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solution:
-    """The end of a solve, not certified yet."""
+    """The result of one solve, before certification."""
 
     x: Array
     """Unknowns; finite."""
@@ -41,11 +41,11 @@ class Certified:
     """A solution with its certificate."""
 
     solution: Solution
-    """The end of the last solve."""
+    """The result of the last solve."""
     control: Array
     """Its segments (n, 4, D)."""
     feasible: bool
-    """Whether every segment is certified feasible to `AIM`."""
+    """Whether every segment is certified feasible to `TARGET_TOLERANCE`."""
     evaluations: int
     """Evaluations of the objective in all rounds."""
     rounds: int
@@ -60,21 +60,22 @@ class WindowSolver(Protocol):
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Solve a window from each of some guesses (n, 4, D), which need not be feasible.
+        """Solve a window from each guess (n, 4, D); guesses need not be feasible.
 
-        Past `until`, on the clock of `time.perf_counter` [s], the best solutions so far are final.
+        At the time `until`, on the clock of `time.perf_counter` [s], the search stops and returns
+        the best solutions so far.
         """
 
 
 def certify(window: Window, control: Array) -> NDArray[np.bool_]:
-    """Whether each of some chains (k, n, 4, D) is certified feasible to `AIM`: (k,).
+    """Whether each chain (k, n, 4, D) is certified feasible to `TARGET_TOLERANCE`: (k,).
 
     A chain with a number that is not finite is infeasible.
     """
     feasible = np.asarray(np.isfinite(control).all(axis=(1, 2, 3)))
     sound = control[feasible]
-    certified = is_feasible(sound, window.field, window.limits, AIM)
+    certified = is_feasible(sound, window.field, window.limits, TARGET_TOLERANCE)
     if window.turn_radius > 0.0:
-        certified &= keeps_turn_radius(sound, window.turn_radius, AIM)
+        certified &= keeps_turn_radius(sound, window.turn_radius, TARGET_TOLERANCE)
     feasible[feasible] = certified.all(axis=-1)
     return feasible

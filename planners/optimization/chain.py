@@ -1,4 +1,4 @@
-"""A chain of segments as the vector of unknowns that a solver moves."""
+"""Conversion between chains of segments and vectors of unknowns."""
 
 from __future__ import annotations
 
@@ -59,8 +59,13 @@ class Chain:
         knots[1:, 0], knots[1:, 1] = control[:, 1], control[:, 3]
         return knots[self.free]
 
-    def pull(self, rows: Array, segment: NDArray[np.intp]) -> Array:
-        """Gradients by x (m, unknowns) from those by a segment each (m, 4, D); `segment`: (m,)."""
+    def chain_rule(self, rows: Array, segment: NDArray[np.intp]) -> Array:
+        """Gradients with respect to x (m, unknowns) by the chain rule.
+
+        Args:
+            rows: (m, 4, D) gradients, each with respect to the control array of one segment.
+            segment: (m,) that segment's index.
+        """
         whole, index = np.zeros((len(rows), *self.knots.shape)), np.arange(len(rows))
         whole[index, segment] = rows[:, 0::2]
         whole[index, segment + 1] = rows[:, 1::2]

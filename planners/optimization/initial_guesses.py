@@ -1,4 +1,4 @@
-"""First guesses for a window: the shifted plan, a straight line, random feasible chains.
+"""Initial guesses for a window: the shifted plan, a straight line, random feasible chains.
 
 Reference:
     The paper, section III-C6.
@@ -17,25 +17,25 @@ from ferguson_gym.world import Field, Limits, State
 RandomGuess: TypeAlias = Callable[[np.random.Generator, State, int, Limits, int], Array]
 """Draws some chains (count, segments, 4, D) from a state; they need not be feasible."""
 FirstGuess: TypeAlias = Callable[[State, Array, int, Limits], Sequence[tuple[str, Array]]]
-"""Makes named chains (segments, 4, D) of a state, the rest (m, 4, D) of the last plan, the number
+"""Makes named chains (segments, 4, D) from a state, the rest (m, 4, D) of the last plan, the number
 of segments and the limits; they need not be feasible."""
 
 
 class Proposer(Protocol):
-    """A source of first guesses outside of the planner, for example a learned agent."""
+    """A source of initial guesses outside of the planner, for example a learned agent."""
 
     def propose(self, field: Field, state: State, segments: int, seed: int) -> Sequence[Array]:
-        """Propose chains (n, 4, D) from a state; possibly none.
+        """Propose chains (n, 4, D) from a state; the list may be empty.
 
-        They need not be feasible. A chain with fewer segments than `segments` ends on the goal, or
-        is the beginning of a longer one.
+        They need not be feasible. A chain with fewer segments than `segments` either ends on the
+        goal or is to be extended.
         """
 
 
 def shifted_or_straight(
     state: State, tail: Array, segments: int, limits: Limits
 ) -> list[tuple[str, Array]]:
-    """The paper's first guess, the shifted plan; a straight chain if nothing is planned yet."""
+    """The paper's initial guess, the shifted plan; a straight chain if nothing is planned yet."""
     if len(tail):
         return [("shifted", shifted(state, tail, segments))]
     return [("straight", straight_ahead(state, segments, limits))]

@@ -1,4 +1,8 @@
-"""A window as a nonlinear programme: minimise f(x) subject to c(x) >= 0 and a box."""
+"""A window as a sampled nonlinear program: minimise f(x) subject to c(x) >= 0 and a box.
+
+It is for the reference solvers (SLSQP, IPOPT); the elastic SQP expands windows itself, in
+`planners.optimization.sqp.expansion`.
+"""
 
 from __future__ import annotations
 
@@ -10,13 +14,13 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from planners.optimization.chain import Chain
-from planners.optimization.constraints import Constraint
 from planners.optimization.objectives import Objective
 from planners.optimization.quadrature import BENDING, bending, length_gradients, lengths
+from planners.optimization.sampled_constraints import Constraint
 
 
-class Programme(Protocol):
-    """A nonlinear programme as solvers see it."""
+class Program(Protocol):
+    """A nonlinear program as the reference solvers see it."""
 
     @property
     def bounds(self) -> tuple[Array, Array]:
@@ -65,14 +69,14 @@ class Problem:
         rows = slope[0] * length_gradients(control)
         rows[-1, 1] += slope[1:]
         rows += 2.0 * self.bending_weight * (BENDING @ control)
-        return np.asarray(self.chain.pull(rows, np.arange(len(rows))).sum(axis=0))
+        return np.asarray(self.chain.chain_rule(rows, np.arange(len(rows))).sum(axis=0))
 
     def jacobian(self, x: Array) -> Array:
         """Gradients of the constraints (m, unknowns), by the chain rule."""
         control = self.chain.control(x)
         pairs = [constraint.gradients(control) for constraint in self.constraints]
         rows = np.concatenate([rows for rows, _ in pairs])
-        return self.chain.pull(rows, np.concatenate([segment for _, segment in pairs]))
+        return self.chain.chain_rule(rows, np.concatenate([segment for _, segment in pairs]))
 
     def joined_by(self, constraints: Sequence[Constraint]) -> Problem:
         """The same problem with further constraints."""

@@ -1,4 +1,4 @@
-"""Objectives of windows: short functions of the length flown and the point reached.
+"""Objectives of windows: functions of a chain's length and its end point.
 
 With l the summed length of a chain's segments and P its last point, an objective is F(l, P);
 derivatives with respect to the unknowns follow by the chain rule from those of l and P.
@@ -15,15 +15,18 @@ from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
 
 _LEAST = 1e-9
-"""Distances are at least this [m], so that a chain which ends at its start has a value."""
+"""Lower limit of distances [m]: a chain that ends at its start has a value and derivatives."""
 
 
 class Objective(Protocol):
-    """A function F(l, P) of the length flown and the point reached [m]."""
+    """A function F(l, P) of a chain's length and its end point [m]."""
 
     @property
     def kink(self) -> Array | None:
-        """The point (D,) at which F has a kink and is least for any length; None if F is smooth."""
+        """The point (D,), the goal, at which F has a cone-shaped minimum for any length.
+
+        A solver can end the chain there. None if there is no such point.
+        """
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
         """F for a length () and a point (D,), real or complex."""
@@ -39,7 +42,7 @@ def _distance(offset: GenericArray) -> GenericArray:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HorizonObjective:
-    """d (1 + alpha l / l_min): close to the goal, and directly [m].
+    """d (1 + alpha l / l_min): rewards ending close to the goal, and a direct path [m].
 
     d is the distance from the last point to the goal, l the summed length of the
     segments and l_min the straight distance from the first point to the last.
@@ -57,7 +60,7 @@ class HorizonObjective:
 
     @property
     def kink(self) -> Array:
-        """The goal, around which the distance to it is a cone."""
+        """The goal, where the distance to it is not differentiable."""
         return self.goal
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
@@ -100,7 +103,7 @@ def _expand_horizon(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LengthObjective:
-    """The length flown [m], once the chain ends on the goal.
+    """The chain's length [m], for windows whose end is fixed at the goal.
 
     Reference:
         The paper, section III-C4.
@@ -108,7 +111,7 @@ class LengthObjective:
 
     @property
     def kink(self) -> None:
-        """None: smooth."""
+        """None: F is smooth."""
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
         """F for a length () and a point (D,), real or complex."""

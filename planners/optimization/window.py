@@ -1,4 +1,4 @@
-"""Windows: the paper's two optimisation problems, look-ahead and final."""
+"""Windows: optimisation problems over chains, among them the paper's look-ahead and final ones."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.chain import Chain
-from planners.optimization.constraints import (
+from planners.optimization.nonlinear_program import Problem
+from planners.optimization.objectives import HorizonObjective, LengthObjective, Objective
+from planners.optimization.quadrature import lengths
+from planners.optimization.sampled_constraints import (
     Constraint,
     LengthBounds,
     SampledClearance,
     sample_weights,
 )
-from planners.optimization.nonlinear_program import Problem
-from planners.optimization.objectives import HorizonObjective, LengthObjective, Objective
-from planners.optimization.quadrature import lengths
 
 DERIVATIVE_BOUND = 1000.0
 """Bound on each coordinate of a derivative [m per unit t]; the paper, section III-C7."""
 BENDING_WEIGHT = 1e-5
-"""Weight of the integral of |X''|^2 over t [1/m]. Without it, the shortest chains turn on the spot
-where a route leaves the vehicle's heading; with it they turn smoothly, for a few hundredths of a
-per mille of length."""
+"""Weight of the integral of |X''|^2 over t [1/m]. Without it, the shortest chains turn with a
+radius near zero where a route departs from the vehicle's heading; with it they turn smoothly and
+are longer by a few 1e-5."""
 SIDE_OFFSET = 3.0
-"""Distance by which the ends of further guesses are shifted to both sides after a failure [m]."""
+"""Distance by which the ends of guesses are shifted to both sides after a failure [m]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,13 +43,13 @@ class WindowSettings:
     alpha: float = 0.2
     """Weight of directness in the objective; equation (2)."""
     samples: int = 30
-    """n_s, uniform parameters at which clearance is required, the first of them t = 0."""
+    """Number n_s of uniform samples at which clearance is required, including t = 0."""
     bending_weight: float = 0.0
     """Weight of the integral of |X''|^2 over t in the objective [1/m]; not in the paper."""
 
 
 SMOOTH = WindowSettings(bending_weight=BENDING_WEIGHT)
-"""The paper's parameters with a little bending."""
+"""The paper's parameters with the small regularisation `BENDING_WEIGHT`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -65,13 +65,13 @@ class Window:
     samples: int
     """The paper's n_s."""
     bending_weight: float
-    """Weight of the bending in the objective [1/m]; the paper has none."""
+    """Weight of the integral of |X''|^2 over t in the objective [1/m]; the paper has none."""
     turn_radius: float = 0.0
-    """Least radius of turns [m]; zero allows any."""
+    """Minimum turn radius [m]; zero allows any."""
 
     @property
     def box(self) -> tuple[Array, Array]:
-        """Least and greatest unknowns (m,) each."""
+        """Lower and upper bounds of the unknowns, (m,) each."""
         low, high = self.field.bounds
         return self.chain.bounds(low, high, DERIVATIVE_BOUND)
 
@@ -90,14 +90,14 @@ class Window:
         return admitted
 
     def sampled(self) -> Problem:
-        """The window as the paper's programme, clearance required at samples.
+        """The window with clearance required at samples, as in the paper, for reference solvers.
 
         Raises:
-            ValueError: a least turn radius, which the paper's programme has no constraint for.
+            ValueError: a minimum turn radius, for which the paper has no constraint.
         """
         if self.turn_radius > 0.0:
             raise ValueError(
-                f"the sampled programme knows no turn radius, got {self.turn_radius} m; "
+                f"the sampled program has no turn-radius constraint, got {self.turn_radius} m; "
                 "planners.optimization.sqp.multi_start.MultiStart keeps one"
             )
         return _sampled(self)
@@ -114,11 +114,12 @@ def _sampled(window: Window) -> Problem:
 def horizon_window(
     field: Field, vehicle: transition.State, limits: Limits, settings: WindowSettings, segments: int
 ) -> Window:
-    """The look-ahead window: get close to the goal directly, among the obstacles within reach.
+    """The look-ahead window, which minimises d (1 + alpha l / l_min), as in `HorizonObjective`.
+
+    Its obstacles are those at most three longest segments away.
 
     Reference:
-        The paper, sections III-C1 to III-C3. Its window test is printed with >=; an
-        obstacle counts when it is at most three longest segments away.
+        The paper, sections III-C1 to III-C3. Its test for nearby obstacles is printed with >=.
     """
     return Window(
         chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),

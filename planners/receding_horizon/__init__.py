@@ -1,7 +1,7 @@
 """Planners that decide one segment at a time from the state that was reached.
 
-`RecedingHorizon` is the paper's planner, `Guided` knows the exact distance to the goal and
-`Pursuit` follows the shortest path that keeps a margin.
+`RecedingHorizon` is the paper's planner, `Guided` optimises with the exact cost-to-go, and
+`Pursuit` follows the shortest path that keeps a margin, without optimisation.
 """
 
 from planners.receding_horizon.guided import Guided as Guided

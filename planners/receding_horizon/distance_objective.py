@@ -1,4 +1,4 @@
-"""The objective of guided windows: length flown plus the exact distance to the goal."""
+"""The objective of guided windows: their length plus the exact cost-to-go of their end."""
 
 from __future__ import annotations
 
@@ -12,30 +12,31 @@ from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, shortes
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 from ferguson_gym.shortest_paths.tangents import Scene
 
-_AWAY = 1e-6
-"""Distance from a disc at which a point moved out of it is placed [m]."""
-_NEAR = 0.5
-"""Least radius of curvature of the distance's level lines [m]."""
-_FAR = 1e3
-"""The distance assumed where no path leads to the goal [m]."""
-_TRIES = 8
-"""Most moves of a point out of discs that overlap."""
+_OUTSIDE = 1e-6
+"""Clearance given to a point that is moved out of a disc [m]."""
+_MIN_RADIUS = 0.5
+"""Lower bound on the radius of curvature of the distance's level lines [m]."""
+_NO_PATH = 1e3
+"""The cost-to-go assumed where no path leads to the goal [m]."""
+_MAX_MOVES = 8
+"""Maximum number of moves of a point out of discs that overlap."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToGoObjective:
-    """l + D(P): the length flown, plus that of the shortest path from its end to the goal [m].
+    """l + D(P): the chain's length, plus that of the shortest path from its end to the goal [m].
 
-    The end of an infeasible chain may lie in a disc; D is then the distance to the nearest point
-    outside plus the distance from there. Where two paths are equally short D has a kink, and the
-    derivatives are those of one of them.
+    The end of an infeasible chain may lie in a disc or outside the bounds. It is then moved out,
+    and D is the distance moved plus the cost-to-go from there; the derivatives are those of D at
+    the moved point, an approximation. If no path is found, D is 1000 m with zero derivatives. Where
+    two paths are equally short D has a kink, and the derivatives are those of one of them.
     """
 
     togo: DistanceToGoal
 
     @property
     def kink(self) -> None:
-        """None: chains that can reach the goal have a window of their own."""
+        """None: near the goal the final window is used instead."""
 
     def value(self, length: GenericArray, end: GenericArray) -> GenericArray:
         """F for a length () and a point (2,), real."""
@@ -50,7 +51,7 @@ class ToGoObjective:
 
 
 @compiled
-def _into_the_open(scene: Scene, x: float, y: float) -> tuple[float, float]:
+def _out_of_discs(scene: Scene, x: float, y: float) -> tuple[float, float]:
     """The point itself or, if it lies in discs, the nearest point outside of the deepest one."""
     discs, box = scene.discs, scene.box
     x, y = min(max(x, box[0, 0]), box[1, 0]), min(max(y, box[0, 1]), box[1, 1])
@@ -64,7 +65,7 @@ def _into_the_open(scene: Scene, x: float, y: float) -> tuple[float, float]:
         return x, y
     disc = discs[deepest]
     dx, dy = x - disc.x, y - disc.y
-    stretch = (disc.radius + _AWAY) / max(np.sqrt(dx * dx + dy * dy), _AWAY)
+    stretch = (disc.radius + _OUTSIDE) / max(np.sqrt(dx * dx + dy * dy), _OUTSIDE)
     return disc.x + stretch * dx, disc.y + stretch * dy
 
 
@@ -74,18 +75,18 @@ def _expand(
 ) -> tuple[float, Array, Array]:
     near_x, near_y = x, y
     way = shortest_departure(scene, tracks, goal, x, y, tolerance)
-    for _ in range(_TRIES):
+    for _ in range(_MAX_MOVES):
         if way.distance < np.inf:
             break
-        near_x, near_y = _into_the_open(scene, near_x, near_y)
+        near_x, near_y = _out_of_discs(scene, near_x, near_y)
         way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
     slope, curvature = np.zeros(3), np.zeros((3, 3))
     slope[0] = 1.0
     if way.distance == np.inf:
-        return length + _FAR, slope, curvature
+        return length + _NO_PATH, slope, curvature
     slope[1], slope[2] = -way.ux, -way.uy
-    # level lines of the distance are circles around the end of the path's first line
-    bend = 1.0 / max(way.line, _NEAR)
+    # the end of the path's first line is the centre of curvature of D's level line
+    bend = 1.0 / max(way.line, _MIN_RADIUS)
     curvature[1, 1] = bend * way.uy * way.uy
     curvature[1, 2] = curvature[2, 1] = -bend * way.ux * way.uy
     curvature[2, 2] = bend * way.ux * way.ux

@@ -1,9 +1,12 @@
-"""The paper's planner: optimise three segments, fly the first, and repeat.
+"""`RecedingHorizon`, the paper's planner: `single-start` and `multi-start`.
 
-Where the paper leaves a choice open: the very first guess and the derivatives of random guesses are
-those of `planners.optimization.initial_guesses`; a solution counts if its chain is certified
-feasible, even if the solver did not converge; within three shortest segments of the goal, fewer
-segments are planned; the start derivative comes from the field and the gate from the limits.
+The paper leaves some choices open. Here they are:
+
+- `planners.optimization.initial_guesses` has the initial guess of the first window and the
+  derivatives of random guesses.
+- A solution is accepted if its chain is certified feasible, even if the solver did not converge.
+- Within three shortest segments of the goal, fewer segments are planned.
+- The start derivative comes from the field, and the gate from the limits.
 
 Reference:
     The paper, section III.
@@ -39,27 +42,28 @@ class RecedingHorizon:
     """
 
     first_guess: FirstGuess = shifted_or_straight
-    """First guess of a window, before all random ones."""
+    """Initial guesses of a window, before the random ones."""
     random_starts: int = 10
     """Number of random feasible guesses for each window."""
     draws: int = 10
-    """Most draws for each random guess; one that stays infeasible is left out."""
+    """Maximum number of draws per random guess; if none is feasible, the guess is omitted."""
     redraws: tuple[int, ...] = (10, 100)
-    """Factors on the number of draws, tried in turn while no start leads to a chain."""
+    """If no guess leads to a chain, drawing is repeated with `draws` times these factors."""
     random_guess: RandomGuess = random_chains
     """Draws random guesses."""
     proposer: Proposer | None = None
-    """Proposes starts. The solver starts from these alone at first, since a proposer may know more
-    about the route than the objective, by which other starts would win. If they fail, the shifted
-    plan and the random starts follow, so that a proposer never costs a solution."""
+    """Proposes initial guesses. The solver starts from these alone at first, since chains from
+    other guesses might have a lower objective although the proposed route is better globally. If
+    the proposals fail, the shifted plan and the random guesses follow. Without a deadline, a
+    proposer therefore never costs a solution."""
     polish: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     """Solves windows from proposals."""
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
     limits: Limits = PAPER_LIMITS
     follow: transition.Follow = transition.fly_segment
-    """Flies a segment: as an action of the environment, or as it is by
-    `ferguson_gym.world.transition.follow_exactly`."""
+    """How a segment is executed: rounded to an action of the environment, or unrounded
+    (`ferguson_gym.world.transition.follow_exactly`)."""
     deadline: float = math.inf
     """Time for a decision [s]. Once it has passed, the best certified chain found so far is flown,
     or the rest of the last plan; results then depend on the machine."""
@@ -77,7 +81,7 @@ class RecedingHorizon:
         return roll_out(self, field, state, seed, self.follow)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it."""
+        """Choose the next segment and tentative further ones."""
         search = _Search(state, self.deadline)
         if ends_on_goal(field, state) and (resumed := self._resume(field, search)):
             return resumed
@@ -108,7 +112,7 @@ class RecedingHorizon:
     def _advance(
         self, field: Field, search: _Search, proposed: Sequence[tuple[str, Array]], seed: int
     ) -> Decision | None:
-        """Fly the best chain of the first round of starts that leads to one, before the deadline.
+        """Fly the best chain of the first round of guesses that leads to a feasible one.
 
         After the deadline, the rest of the last plan is flown instead.
         """
@@ -153,7 +157,7 @@ class RecedingHorizon:
     def _rounds(
         self, window: Window, state: State, seed: int, proposed: Sequence[tuple[str, Array]]
     ) -> Iterator[tuple[WindowSolver, list[tuple[str, Array]]]]:
-        """Rounds of starts by name, each with its solver; a round is used if all before failed."""
+        """Rounds of guesses by name, each with its solver; a round is used if all before failed."""
         if proposed:
             segments = window.chain.segments
             fitted = [(name, shifted(state.vehicle, guess, segments)) for name, guess in proposed]
@@ -163,7 +167,7 @@ class RecedingHorizon:
                 yield self.solver, starts
 
     def starts(self, window: Window, state: State, seed: int) -> Iterator[list[tuple[str, Array]]]:
-        """Rounds of starts by name: the first guess with random feasible chains, then random ones.
+        """Rounds of guesses by name: `first_guess` with random feasible chains, then random ones.
 
         Each round of random chains has more draws than the last.
         """
@@ -185,7 +189,7 @@ class RecedingHorizon:
         drawn = self.random_guess(stream, vehicle, window.chain.segments, self.limits, count)
         admitted = window.admits(drawn).reshape(self.random_starts, draws)
         return [
-            # a copy: decisions are kept, and would keep all that was drawn
+            # copied, so that a stored decision does not keep the whole array of draws alive
             (f"random {start + 1}", drawn[start * draws + admitted[start].argmax()].copy())
             for start in np.flatnonzero(admitted.any(axis=1))
         ]
@@ -219,13 +223,13 @@ class _Search:
         self.evaluations = 0
 
     def add(self, starts: Sequence[tuple[str, Array]], ends: Sequence[Certified]) -> None:
-        """Note searches from starts by name; a deadline may have left out the last of them."""
+        """Record searches from guesses by name; after a deadline there are fewer results."""
         self.guesses += starts[: len(ends)]
         self.ends += [(name, end) for (name, _), end in zip(starts, ends, strict=False)]
         self.evaluations += sum(end.evaluations for end in ends)
 
     def ranked(self) -> list[tuple[str, Certified]]:
-        """Certified ends, the best objective first; of equal ones the first found, as the paper."""
+        """Certified results, the best objective first; ties go to the first, as in the paper."""
         certified = [(name, end) for name, end in self.ends if end.feasible]
         return sorted(certified, key=lambda pair: pair[1].solution.objective)
 

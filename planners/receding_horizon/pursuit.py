@@ -1,11 +1,13 @@
-"""Pursuit: segments of one stride on the shortest path that keeps a margin from obstacles.
+"""Pursuit: segments of fixed length along the shortest path that keeps a margin from obstacles.
 
-Nothing is optimised: a segment ends one stride ahead on the path, along its tangent. A decision is
-therefore a simple function of the state and tolerates small tracking errors, so that the planner
-can serve as an expert for imitation learning. From inside the margin it steers back out.
+Nothing is optimised: a segment ends one stride (a fixed length) ahead on the path, along the path's
+tangent. A decision is therefore a simple function of the state and changes little with it, so that
+the planner can serve as an expert for imitation learning. From inside the margin it steers back
+out.
 
 Reference:
-    Coulter (1992), Implementation of the pure pursuit path tracking algorithm, CMU-RI-TR-92-01.
+    After the idea of Coulter (1992), Implementation of the pure pursuit path tracking algorithm,
+    CMU-RI-TR-92-01.
 """
 
 from __future__ import annotations
@@ -30,9 +32,9 @@ from planners.rollout import StepByStep
 SPACING = 0.25
 """Distance between points on the path [m]."""
 _OUTSIDE = 1e-7
-"""Distance from a grown disc at which a point moved out of it is placed [m]."""
-_TRIES = 8
-"""Most moves of a point out of grown discs that overlap."""
+"""Clearance given to a point that is moved out of a grown disc [m]."""
+_MAX_MOVES = 8
+"""Maximum number of moves of a point out of grown discs that overlap."""
 
 
 class Surroundings(NamedTuple):
@@ -53,9 +55,9 @@ class Pursuit(StepByStep):
     """
 
     margin: float = 0.8
-    """Distance kept from a disc if its neighbours leave room for it [m]."""
+    """Distance kept from each disc where neighbouring discs leave enough room [m]."""
     narrowest: float = 0.8
-    """Least width of gaps that stay open [m]; discs beside them are grown by less than `margin`."""
+    """The margin never closes passages at least this wide [m]; discs beside them are grown less."""
     stride: float = 7.0
     """Approximate length of segments [m]; a whole number of them ends on the goal."""
     others: tuple[float, ...] = (5.25, 9.0, 4.0)
@@ -72,7 +74,7 @@ class Pursuit(StepByStep):
             raise ValueError(f"others must be lengths above 0 m, got {self.others!r}")
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the one meant to follow it; the seed has no effect.
+        """Choose the next segment and a tentative second one; the seed has no effect.
 
         Raises:
             TypeError: obstacles other than discs.
@@ -116,10 +118,10 @@ class Pursuit(StepByStep):
 
 @lru_cache(maxsize=2)
 def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
-    """Grow a field's discs by a margin [m], or by less where that would close a gap.
+    """Grow a field's discs by a margin [m], or by less where that would close a passage.
 
-    Gaps narrower than `narrowest` [m] may close. Start and goal stay outside of the grown discs.
-    Results are cached by the field's identity.
+    Passages narrower than `narrowest` [m] may close. Start and goal stay outside of the grown
+    discs. Results are cached by the field's identity.
 
     Raises:
         TypeError: obstacles other than discs.
@@ -140,7 +142,7 @@ def _outside(field: Field, position: Array) -> Array | None:
     """A point (2,) outside of all discs near a position (2,); None if none is found."""
     discs, point = field.obstacles, position.copy()
     assert isinstance(discs, Discs)
-    for _ in range(_TRIES):
+    for _ in range(_MAX_MOVES):
         depth = discs.signed_distance(point)
         if len(depth) == 0 or depth.min() >= 0.0:
             return point

@@ -9,18 +9,19 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.transition import State
 
-_FAR = 4.0
-"""A circle is left towards the first point of the route this many radii away, or its last one."""
+_JOIN_RADII = 4.0
+"""The route is joined at its first point at least this many radii away, or at its last point."""
 _ANGLES = np.linspace(0.0, 2.0 * math.pi, 145)
 
 
-def turned(state: State, points: Array, radius: float) -> list[Array]:
-    """Prefix a route (m, 2) with a turn of some radius to the left, and with one to the right [m].
+def turn_in_routes(state: State, points: Array, radius: float) -> list[Array]:
+    """Routes that begin with an arc of a radius [m], one to the left, one to the right.
 
-    The results (k, 2) are first guesses: they may collide, and have a corner where the tangent from
-    the circle meets the route. A turn that never faces the route is left out.
+    They then join a route (m, 2). The results (k, 2) are initial guesses: they may collide, and
+    have a corner where the tangent from the circle meets the route. A turn that never faces the
+    route is left out.
     """
-    away = np.linalg.norm(points - state.position, axis=1) >= _FAR * radius
+    away = np.linalg.norm(points - state.position, axis=1) >= _JOIN_RADII * radius
     meeting = int(away.argmax()) if away.any() else len(points) - 1
     forward = math.atan2(state.derivative[1], state.derivative[0])
     routes = []

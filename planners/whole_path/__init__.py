@@ -1,4 +1,4 @@
-"""Planners of whole paths: a router finds a route, segments are fitted to it and then tracked.
+"""Planners of whole paths: a router finds a route, and segments are fitted to it.
 
 `planner.WholePath` does so for any router: `exact.ShortestPathRouter`, `voronoi.VoronoiEdges`,
 `astar.AStar`, `ompl.Ompl` and `swarm.Swarms`. `polish.polish` shortens a whole flight. Nothing is

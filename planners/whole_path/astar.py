@@ -1,9 +1,9 @@
 """Routes by A* on a grid with 8 neighbours, shortened by lines of any angle.
 
-The grid spans the bounds. Cells are not blocked as a whole: a move is open if the straight line
-between its two grid points is clear of the discs, so that a gap is lost only if no move of the grid
-fits through it. Vehicle and goal are connected to the grid points around them. networkx searches;
-shortcuts between points of its path are clear lines.
+The grid spans the bounds. Its edges, not its cells, are checked for collision: an edge is kept if
+the straight line between its two grid points is clear of the discs. A passage is missed only if no
+grid edge fits through it. Vehicle and goal are connected to the grid points around them. The search
+uses networkx; its path is then shortcut by collision-free lines.
 
 Reference:
     Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
@@ -25,10 +25,10 @@ from planners.interface import Route
 from planners.whole_path.line_of_sight import lines_clear, scene_from
 from planners.whole_path.shortcut import shortcut
 
-MOST = 400
-"""Most steps of the grid along an axis; a wider field gets a coarser grid, so that planning takes
-seconds in any field."""
-JOINED = 2
+MAX_STEPS = 400
+"""Maximum number of grid steps along an axis; a wider field gets a coarser grid, so that planning
+takes seconds in any field."""
+LINK_STEPS = 2
 """Distance along each axis up to which grid points are connected to vehicle and goal [steps]."""
 
 
@@ -91,7 +91,7 @@ class AStar:
 
 def _axis(low: float, high: float, resolution: float) -> Array:
     """Coordinates of the grid along an axis [m], the bounds among them."""
-    steps = min(max(1, math.ceil((high - low) / resolution)), MOST)
+    steps = min(max(1, math.ceil((high - low) / resolution)), MAX_STEPS)
     return np.linspace(low, high, steps + 1)
 
 
@@ -110,5 +110,5 @@ def _moves(columns: int, rows: int) -> Integers:
 def _joined(points: Array, node: int, step: Array) -> Integers:
     """Pairs (n, 2) of a node and the grid points around it."""
     apart = np.abs(points[:-2] - points[node])
-    (near,) = np.nonzero((apart <= JOINED * step).all(axis=1))
+    (near,) = np.nonzero((apart <= LINK_STEPS * step).all(axis=1))
     return np.column_stack([np.full(len(near), node), near])

@@ -18,8 +18,9 @@ def scene_from(
 ) -> Scene | None:
     """The obstacles and bounds of lines from a vehicle; None if the vehicle itself collides.
 
-    If the vehicle (2,) lies in a disc or outside the bounds within the tolerance [m], lines may lie
-    as deep as it, but no deeper: a flight may touch obstacles and must be able to leave them.
+    The vehicle (2,) may violate discs or bounds by at most the tolerance [m]; then lines from it
+    may violate them by the same amount, since a flight may touch obstacles and must be able to
+    leave them.
 
     Raises:
         TypeError: obstacles other than discs in the plane.

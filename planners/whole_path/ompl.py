@@ -28,7 +28,8 @@ Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
 WORKER = "planners.whole_path.ompl_server"
 """Module that runs in the subprocess."""
 CONTACT_MARGIN = 1e-12
-"""Relative shrinkage of discs that start or goal touch, so that rounding does not enclose them."""
+"""Discs touched by start or goal are shrunk by this relative amount, so that rounding does not put
+start or goal inside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -37,7 +38,7 @@ class Problem:
 
     algorithm: Algorithm
     discs: Records
-    """(n,) discs; a route keeps at least `reach` from their centres."""
+    """(n,) discs; a route keeps at least the distance `reach` from their centres."""
     bounds: Array
     """(2, 2) lower and upper bounds of the coordinates [m]."""
     start: Array

@@ -1,15 +1,15 @@
 """The subprocess in which OMPL plans, started by `planners.whole_path.subprocess_worker`.
 
 All objects of OMPL are created for each problem after its seed is set, so that its random numbers
-do not depend on earlier problems. OMPL calls Python to check lines, a hundred thousand times a
-second, and before each iteration to decide whether to stop.
+do not depend on earlier problems. OMPL calls Python for collision checks (a hundred thousand per
+second) and, before each iteration, for the termination condition.
 
 Reference:
-    LaValle & Kuffner (2001), Randomized kinodynamic planning, IJRR 20(5): RRT. Karaman & Frazzoli
-    (2011), Sampling-based algorithms for optimal motion planning, IJRR 30(7): RRT*. Kavraki,
-    Svestka, Latombe & Overmars (1996), Probabilistic roadmaps for path planning in
-    high-dimensional configuration spaces, IEEE Transactions on Robotics and Automation 12(4): PRM.
-    Gammell, Barfoot & Srinivasa (2020), Batch Informed Trees, IJRR 39(5): BIT*.
+    LaValle & Kuffner (2001), Randomized kinodynamic planning, IJRR 20(5): RRT, here without
+    dynamics. Karaman & Frazzoli (2011), Sampling-based algorithms for optimal motion planning, IJRR
+    30(7): RRT*. Kavraki, Svestka, Latombe & Overmars (1996), Probabilistic roadmaps for path
+    planning in high-dimensional configuration spaces, IEEE Transactions on Robotics and Automation
+    12(4): PRM. Gammell, Barfoot & Srinivasa (2020), Batch Informed Trees, IJRR 39(5): BIT*.
 """
 
 from __future__ import annotations

@@ -24,20 +24,20 @@ from planners.interface import (
     Status,
     WindowReport,
 )
-from planners.rollout import ends_on_goal, finished, flight_plan, fly_chain, remaining_plan
+from planners.rollout import ends_on_goal, flight_plan, fly_chain, remaining_plan, terminal_plan
 from planners.whole_path.route_fit import fit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholePath:
-    """Plans a route once, fits segments to it and tracks them."""
+    """Plans a route once and fits segments to it."""
 
     router: Router
     limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal; a feasible rest of an earlier plan is kept."""
-        if (ended := finished(field, state, self.limits)) is not None:
+        """Plan from a state to the goal; a feasible rest of an earlier plan is returned."""
+        if (ended := terminal_plan(field, state, self.limits)) is not None:
             return ended
         began = time.perf_counter()
         chain, route, status, reason = self._chain(field, state, seed)
@@ -61,7 +61,7 @@ class WholePath:
     def _chain(
         self, field: Field, state: State, seed: int
     ) -> tuple[Array | None, Route | None, Status, str]:
-        """Segments (n, 4, 2) to the goal, their route, the status if they fail, and why."""
+        """Segments (n, 4, 2) to the goal, their route, the status if they fail, and the reason."""
         if ends_on_goal(field, state) and (rest := remaining_plan(field, state, self.limits)):
             return rest[0], None, Status.NOT_FITTED, ""
         try:

@@ -1,4 +1,4 @@
-"""Optimisation of all segments of a flight together, to measure what a horizon loses."""
+"""Optimisation of all segments of a flight together, to measure the cost of the limited horizon."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from planners.whole_path.route_fit import SOLVER
 def polish(control: ArrayLike, field: Field, limits: Limits = PAPER_LIMITS) -> Array:
     """Shorten a feasible flight (n, 4, 2) that ends on the goal, keeping its number of segments.
 
-    The result (n, 4, 2) is certified feasible; it is the flight itself if no shorter chain is found
+    The result (n, 4, 2) is certified feasible; the input is returned if no shorter chain is found
     near it.
 
     Raises:

@@ -1,7 +1,8 @@
 """Fitting of Ferguson chains to a route: knots on it, then all segments optimised together.
 
 The route only determines on which side obstacles are passed: the chain is the shortest that the
-optimiser finds nearby. Planners are thus compared by their choice of path, not by its corners.
+optimiser finds nearby. So planners are compared by the homotopy class that they choose, not by how
+smooth their routes are.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from planners.optimization.sqp.elastic_sqp import ElasticSqp
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
-"""Segment lengths of first guesses [m], tried in turn until one leads to a chain."""
+"""Segment lengths of initial guesses [m], tried in turn until one leads to a chain."""
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
@@ -54,7 +55,8 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         tried.add(segments)
         window = final_window(field, vehicle, limits, SMOOTH, segments)
         on_route = along_route(vehicle, points, segments, whole)
-        # a straight guess that is too short has no side to grow to
+        # a straight guess that is too short gives the optimiser no direction in which to lengthen
+        # it
         for guess in (on_route, *offset_guesses(on_route, SIDE_OFFSET)):
             (end,) = SOLVER.solve(window, [guess])
             if end.feasible:

@@ -13,7 +13,7 @@ def shortcut(scene: Scene, points: Array) -> Array:
     """The points (m, 2) of the shortest clear polyline through points (n, 2) in their order [m].
 
     The given polyline is assumed to be clear, n >= 1; its ends are kept. Corners can only be at the
-    given points: the result is no shorter than a string pulled tight among the obstacles.
+    given points, so the result is usually longer than the taut path.
     """
     n = len(points)
     togo, after = np.zeros(n), np.arange(1, n + 1)

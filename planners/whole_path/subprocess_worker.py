@@ -2,9 +2,9 @@
 
 The module that runs in the subprocess calls `serve`; the program holds a `Worker`. Requests and
 answers are pickles on a private pair of sockets, which the library's own output cannot disturb.
-Each side notices at once when the other has ended. In contrast to pebble's process pool, a hung
-subprocess ends even after the program was killed (`SIGALRM`), and a round trip takes a third of
-the time. POSIX only.
+Each side notices at once when the other has ended. Unlike with pebble's process pool, `SIGALRM`
+ends a hung subprocess even if the program was killed, and a round trip takes a third of the time.
+POSIX only.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class Worker:
     """A subprocess that answers requests one at a time; the first request starts it.
 
     After a crash the next request starts another one. The subprocess ends with this object, with
-    the program, or when the program is killed. A pickled copy, or a copy in a forked process, has
-    a subprocess of its own.
+    the program, or when the program is killed. A pickled copy, or a copy in a forked process,
+    starts its own subprocess.
     """
 
     def __init__(self, module: str) -> None:

@@ -1,8 +1,8 @@
 """Routes by particle swarm and by artificial bee colony: the whole flight as one chain.
 
-Swarms search one after the other, each for a share of the evaluations, until the budget is used up;
-the route is the shortest chain certified to be clear. A colliding chain counts as a failure; it is
-not repaired.
+Swarms with different random seeds run one after the other, each for a fixed number of evaluations,
+until the budget is used up. The route is the shortest chain that is certified collision-free. A
+colliding chain counts as a failure; it is not repaired.
 
 Reference:
     Kennedy & Eberhart (1995), Particle swarm optimization; Karaboga (2005), An idea based on
@@ -83,19 +83,19 @@ class Swarms:
     encoding: Encoding = dataclasses.field(default_factory=Encoding)
     penalties: Penalties = dataclasses.field(default_factory=Penalties)
     budget: Evaluations | Seconds = BUDGET
-    share: int = 25_000
+    evaluations_per_swarm: int = 25_000
     """Evaluations of each swarm."""
     generations: int = 50
     """Generations between checks of the budget and of the best chain."""
-    closest: float = 0.05
-    """Initial unknowns are drawn from [-r, r], log r uniform between the log of this and 0, so that
+    smallest_spread: float = 0.05
+    """Initial unknowns are drawn from [-r, r], with r log-uniform between this value and 1, so that
     some chains start near the straight line."""
 
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The shortest certified chain that any swarm finds; None if there is none.
 
-        No chain is searched for if the goal is out of reach of the remaining segments. A budget of
-        evaluations ends with the generations that reach it.
+        No chain is searched for if the goal is out of reach of the remaining segments. The budget
+        is checked after each round of generations and may be exceeded by one round.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
@@ -103,13 +103,13 @@ class Swarms:
         began = time.perf_counter()
         left = PAPER_LIMITS.segments - vehicle.segments
         if np.linalg.norm(field.goal - vehicle.position) > PAPER_LIMITS.longest * left:
-            return None  # the arrays of such chains can be larger than the memory
+            return None  # such chains would need too much memory
         objective = chain_objective(field, vehicle, self.encoding, self.penalties)
         stream = np.random.default_rng([seed, vehicle.segments])
         best: Array | None = None
         progress: list[tuple[float, float]] = []
         evaluations = 0
-        for unknowns, more in self._bests(objective, stream):
+        for unknowns, more in self._best_of_each_round(objective, stream):
             evaluations += more
             chain = objective.control(unknowns)
             flown = float(length(chain).sum())
@@ -129,7 +129,7 @@ class Swarms:
             evaluations=evaluations,
         )
 
-    def _bests(
+    def _best_of_each_round(
         self, objective: ChainObjective, stream: np.random.Generator
     ) -> Iterator[tuple[Array, int]]:
         """Best unknowns of a swarm after each round of generations, and the round's evaluations."""
@@ -138,12 +138,12 @@ class Swarms:
         problem = pygmo.problem(_Problem(objective))
         while True:
             swarm = pygmo.population(problem, seed=int(stream.integers(2**31)))
-            reach = self.closest ** stream.uniform(0.0, 1.0, (self.method.size, 1))
+            reach = self.smallest_spread ** stream.uniform(0.0, 1.0, (self.method.size, 1))
             for x in reach * stream.uniform(-1.0, 1.0, (len(reach), objective.unknowns)):
                 swarm.push_back(x)
             algorithm = self.method.algorithm(self.generations, int(stream.integers(2**31)))
             before = 0
-            while before < self.share:
+            while before < self.evaluations_per_swarm:
                 swarm = algorithm.evolve(swarm)
                 evaluations = swarm.problem.get_fevals()
                 yield swarm.champion_x, evaluations - before
@@ -178,8 +178,8 @@ def _is_clear(chain: Array, field: Field) -> bool:
 def particles() -> Swarms:
     """Particle swarms with the best parameters in training fields.
 
-    If each unknown moves only one knot sideways, gaps are a little smaller, but in
-    dense fields a third of the routes are lost.
+    An encoding in which each unknown moves one knot sideways gives slightly shorter paths, but
+    finds no route in a third of the dense fields.
     """
     encoding, penalties = Encoding(spacing=13.0), Penalties(inside=10.0)
     return Swarms(method=Particles(), encoding=encoding, penalties=penalties)

@@ -1,12 +1,13 @@
-"""The objective of swarms: the length of a whole chain, plus penalties for violated limits.
+"""The objective of swarms: the length of a whole chain, plus penalties for violated constraints.
 
-The unknowns move knots off the straight line to the goal. They enter the knots linearly,
+The unknowns move knots off the straight line to the goal. The knots are linear in the unknowns,
 
     knots = base + reach x    with x in [-1, 1],
 
-so that an encoding is two arrays. A chain of n segments has 4 n - 2 unknowns: n - 1 knots move
-across and along the line, and n derivatives deviate from those of Catmull and Rom. Displacements
-across the line are hierarchical: a few unknowns bend the whole chain, and the others parts of it.
+and `Encoding.arrays` returns base and reach. A chain of n segments has 4 n - 2 unknowns: n - 1
+knots move across and along the line, and n derivatives deviate from those of Catmull and Rom.
+Displacements across the line are hierarchical: a few unknowns bend the whole chain, and the others
+parts of it.
 
 Reference:
     The paper, references [9]-[11]: Ferguson splines moved by particle swarms and bee colonies,
@@ -33,16 +34,16 @@ from ferguson_gym.world.obstacles import Discs
 CELLS = 32
 """Cells along each side of the grid that stores which discs are near a point."""
 
-FEWEST = 4
-"""Least number of segments of a chain, as long as each covers `SHORT`."""
-SHORT = 4.0
-"""Straight distance [m] that a segment should not fall below."""
+MIN_SEGMENTS = 4
+"""Minimum number of segments of a chain, if each then covers at least `MIN_SPACING`."""
+MIN_SPACING = 4.0
+"""Straight distance [m] that a segment should cover at least."""
 
 
-def by_halves(segments: int) -> Array:
+def hierarchical_tents(segments: int) -> Array:
     """Hierarchical shapes (n - 1, n - 1): tents over the whole chain, its halves and so on.
 
-    The tent over a half is 1.6 times lower than that over the whole.
+    Each level of tents is 1.6 times lower than the level above it.
     """
     knots = np.arange(1, segments)
     shapes: list[Array] = []
@@ -73,7 +74,9 @@ class Encoding:
 
     def segments(self, distance: float) -> int:
         """Number of segments for a straight distance [m]; near the goal enough of them to bend."""
-        return max(1, min(FEWEST, int(distance / SHORT)), math.ceil(distance / self.spacing))
+        return max(
+            1, min(MIN_SEGMENTS, int(distance / MIN_SPACING)), math.ceil(distance / self.spacing)
+        )
 
     def arrays(self, field: Field, vehicle: transition.State) -> tuple[Array, Array]:
         """Base (n + 1, 2, 2), rows point and derivative, and reach (n + 1, 2, 2, 4 n - 2) [m]."""
@@ -84,7 +87,7 @@ class Encoding:
         width = float((field.bounds[1] - field.bounds[0]).max()) * self.across
         base, reach = np.zeros((n + 1, 2, 2)), np.zeros((n + 1, 2, 2, 4 * n - 2))
         base[:, 0] = vehicle.position + np.arange(n + 1)[:, None] * step
-        for knot, row in enumerate(by_halves(n), start=1):  # none on the goal itself
+        for knot, row in enumerate(hierarchical_tents(n), start=1):  # the goal's knot does not move
             normal = aside / np.linalg.norm(aside)
             reach[knot, 0, :, : n - 1] = width * normal[:, None] * row
             reach[knot, 0, :, n - 2 + knot] = self.along * step
@@ -116,7 +119,7 @@ class Penalties:
 
 
 class Cells(NamedTuple):
-    """The discs that reach into each cell of a grid over the bounds; border cells are unbounded."""
+    """The discs that overlap each cell of a grid over the bounds; border cells are unbounded."""
 
     low: Array
     """(2,) least coordinates [m]."""
@@ -167,7 +170,7 @@ class ChainObjective:
     """(4 (n + 1),) numbers of the knots: point, derivative, knot by knot."""
     reach: Array
     """(4 (n + 1), unknowns)."""
-    looks: Array
+    samples: Array
     """(samples, 4) weights of the control rows at the samples."""
     bounds: Array
     """(2, 2) [m]."""
@@ -186,7 +189,7 @@ class ChainObjective:
 
     def value(self, x: Array) -> float:
         """Length, by chords, and penalties of the chain of unknowns (m,) [m]."""
-        return _value(x, self.base, self.reach, self.looks, self.bounds, self.cells, self.weights)
+        return _value(x, self.base, self.reach, self.samples, self.bounds, self.cells, self.weights)
 
 
 def chain_objective(
@@ -203,13 +206,13 @@ def chain_objective(
     """
     discs = field.obstacles
     if not isinstance(discs, Discs) or discs.dimension != 2:
-        raise TypeError(f"swarms know discs in the plane, not {type(discs).__name__}")
+        raise TypeError(f"swarms support discs in the plane, not {type(discs).__name__}")
     base, reach = encoding.arrays(field, vehicle)
     weights = penalties.depth, penalties.inside, penalties.length, limits.shortest, limits.longest
     return ChainObjective(
         base=base.ravel(),
         reach=reach.reshape(base.size, -1),
-        looks=basis(np.linspace(0.0, 1.0, penalties.samples + 1)[1:]),
+        samples=basis(np.linspace(0.0, 1.0, penalties.samples + 1)[1:]),
         bounds=field.bounds,
         cells=cells(field.bounds, discs.centers, discs.radii + penalties.margin),
         weights=Weights(*map(float, weights)),
@@ -218,15 +221,21 @@ def chain_objective(
 
 @compiled
 def _value(
-    x: Array, base: Array, reach: Array, looks: Array, bounds: Array, near: Cells, weights: Weights
+    x: Array,
+    base: Array,
+    reach: Array,
+    samples: Array,
+    bounds: Array,
+    near: Cells,
+    weights: Weights,
 ) -> float:
     knots = base + reach @ x
     px, py = knots[0], knots[1]
     total = 0.0
     for k in range(0, len(knots) - 4, 4):
         length = 0.0
-        for i in range(len(looks)):
-            start, end, leave, arrive = looks[i, 0], looks[i, 1], looks[i, 2], looks[i, 3]
+        for i in range(len(samples)):
+            start, end, leave, arrive = samples[i, 0], samples[i, 1], samples[i, 2], samples[i, 3]
             qx, qy = px, py
             px = start * knots[k] + end * knots[k + 4]
             px = px + leave * knots[k + 2] + arrive * knots[k + 6]

@@ -1,4 +1,4 @@
-"""Planners around planners: `Backtracking`, limited `Sensing`, and a safety `Margin`."""
+"""Wrappers of planners: `Backtracking`, limited `Sensing`, and a safety `Margin`."""
 
 from planners.wrappers.backtracking import Backtracking as Backtracking
 from planners.wrappers.limited_sensing import Sensing as Sensing

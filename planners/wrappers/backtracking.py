@@ -6,9 +6,9 @@ to the goal than ever before. Therefore no pocket traps the flight twice: each t
 takes over again, it is nearer to the goal than the last time.
 
 Reference:
-    The paper, section V, proposes it and leaves open how. When to leave a detour is that of
-    Kamon, Rimon & Rivlin (1998), TangentBug: a range-sensor-based navigation algorithm,
-    International Journal of Robotics Research 17(9).
+    The paper, section V, proposes it without details. The condition for returning to the planner is
+    that of TangentBug: Kamon, Rimon & Rivlin (1998), TangentBug: a range-sensor-based navigation
+    algorithm, International Journal of Robotics Research 17(9).
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class Backtracking(StepByStep):
     patience: int = 3
     """Number of segments without progress after which the guide decides."""
     stride: float = 11.0
-    """Segment length of first guesses where both fail and the vehicle flies back [m]."""
+    """Segment length of initial guesses where both fail and the vehicle flies back [m]."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     """Solves the windows that lead back."""
     settings: WindowSettings = SMOOTH
@@ -64,7 +64,7 @@ class Backtracking(StepByStep):
         return self.planner.limits
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it."""
+        """Choose the next segment and tentative further ones."""
         began = time.perf_counter()
         if segments_without_progress(field, state) < self.patience:
             decision = self.planner.decide(field, state, seed)
@@ -72,18 +72,18 @@ class Backtracking(StepByStep):
                 return decision
         decision = self.guide.decide(field, state, seed)
         chain, step, start = decision.chain, decision.first_step, decision.report.start
-        if chain is None and (back := self._back(field, state)) is not None:
+        if chain is None and (back := self._fly_back(field, state)) is not None:
             (chain, step), start = back, "back"
         report = dataclasses.replace(
             decision.report, start=start, seconds=time.perf_counter() - began
         )
         return Decision(chain, report, first_step=step)
 
-    def _back(self, field: Field, state: State) -> tuple[Array, Step] | None:
+    def _fly_back(self, field: Field, state: State) -> tuple[Array, Step] | None:
         """A chain (n, 4, 2) back along the path flown, and its first segment as flown."""
         if len(state.flown) == 0:
             return None
-        for window, guess in self._ways_back(field, state):
+        for window, guess in self._windows_back(field, state):
             (end,) = self.solver.solve(window, [guess])
             if end.feasible:
                 step = fly_segment(field, state.vehicle, end.control[0], self.limits)
@@ -91,7 +91,7 @@ class Backtracking(StepByStep):
                     return end.control, step
         return None
 
-    def _ways_back(self, field: Field, state: State) -> Iterator[tuple[Window, Array]]:
+    def _windows_back(self, field: Field, state: State) -> Iterator[tuple[Window, Array]]:
         """Windows towards visited points, with guesses along the path flown and beside it."""
         vehicle = state.vehicle
         points = evaluate(state.flown[::-1], _SAMPLES).reshape(-1, 2)
@@ -100,8 +100,8 @@ class Backtracking(StepByStep):
             toward = HorizonObjective(vehicle.position, guess[-1, 1], self.settings.alpha)
             window = horizon_window(field, vehicle, self.limits, self.settings, segments)
             window = dataclasses.replace(window, objective=toward)
-            for turn in (guess, *offset_guesses(guess, SIDE_OFFSET)):
-                yield window, turn
+            for start in (guess, *offset_guesses(guess, SIDE_OFFSET)):
+                yield window, start
 
 
 def segments_without_progress(field: Field, state: State) -> int:

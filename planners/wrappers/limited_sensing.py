@@ -1,8 +1,7 @@
 """A limited sensing range: a planner that knows only the obstacles sensed so far.
 
-Its decisions are optimistic: unknown space counts as free. When an obstacle comes into range, the
-planner is given another field, in which the distance to the goal and the rest of its plan are
-computed and certified again.
+Its decisions are optimistic: unknown space counts as free. When an obstacle is sensed, the planner
+gets a new field, in which it recomputes the cost-to-go and certifies the rest of its plan again.
 """
 
 from __future__ import annotations
@@ -22,12 +21,13 @@ from planners.rollout import StepByStep
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sensing(StepByStep):
-    """A planner that knows the obstacles within a range of where the vehicle has been.
+    """A planner that knows the obstacles within a range of the path flown.
 
-    A range of at least the longest segment makes every decision safe: no point of the next
-    segment is farther away than that, so that every obstacle it could cut into is known. Later
-    segments of a window may lead into unknown space; they are decided again. A segment that ends
-    too near unknown space to turn there is split into two slower halves if both are feasible.
+    A range of at least the longest segment makes every decision safe: no point of the next segment
+    is farther away than that, so that every obstacle it could cut into is known. Later segments of
+    a window may lead into unknown space; they are decided again. A segment that ends so close to
+    unknown space that the vehicle could not turn around is split into two slower halves if both are
+    feasible.
 
     Raises:
         ValueError: a range below the longest segment.
@@ -51,9 +51,9 @@ class Sensing(StepByStep):
         return self.planner.limits
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it, among known obstacles."""
+        """Choose the next segment and tentative further ones, among known obstacles."""
         began = time.perf_counter()
-        seen = known(field, state, self.reach)
+        seen = known_field(field, state, self.reach)
         decision = self.planner.decide(seen, state, seed)
         chain = decision.chain
         if chain is not None and not self._leaves_room(seen, chain[0]):
@@ -68,7 +68,8 @@ class Sensing(StepByStep):
     def _leaves_room(self, field: Field, segment: Array) -> bool:
         """Whether there is room to turn between the end of a segment (4, 2) and unknown space.
 
-        A segment that returns to its start overshoots by 4/27 of its start derivative.
+        A cubic that starts with derivative v and returns to its start with derivative zero
+        overshoots by 4/27 |v|.
         """
         start, end, _, derivative = segment
         if np.array_equal(end, field.goal):
@@ -89,7 +90,7 @@ def _halved(segment: Array) -> Array:
     return np.stack([first, second])
 
 
-def known(field: Field, state: State, reach: float) -> Field:
+def known_field(field: Field, state: State, reach: float) -> Field:
     """The field with only those obstacles within a range [m] of the vehicle or of its path.
 
     Distances are certified: an obstacle counts at most 1e-7 m before it is in range. The result is

@@ -1,7 +1,8 @@
 """A safety margin: a planner that plans among obstacles grown by some metres.
 
-Its decisions keep that clearance in the real field, so that learners may copy them with small
-errors. Where the grown obstacles leave no path, the margin shrinks, in the end to zero.
+Its decisions keep that clearance in the real field, so that a learner that imitates them inexactly
+still avoids the obstacles. Where the grown obstacles leave no path, the margin shrinks, in the end
+to zero.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ from ferguson_gym.world import Field, Limits, fly_segment
 from planners.interface import Decision, Replanner, State
 from planners.rollout import StepByStep
 
-PARTS = (1.0, 0.4, 0.0)
-"""Parts of the margin, tried in turn."""
+MARGIN_FRACTIONS = (1.0, 0.4, 0.0)
+"""Fractions of the margin, tried in turn."""
 _OUTSIDE = 1e-6
 """Least distance of vehicle, start and goal from a grown obstacle [m]."""
 
@@ -46,10 +47,10 @@ class Margin(StepByStep):
         return self.planner.limits
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Decide the next segment, and the segments meant to follow it."""
+        """Choose the next segment and tentative further ones."""
         began = time.perf_counter()
-        for part in PARTS:
-            shown = grown(field, state, part * self.margin)
+        for part in MARGIN_FRACTIONS:
+            shown = grown_field(field, state, part * self.margin)
             decision = self.planner.decide(shown, state, seed)
             chain, step = decision.chain, decision.first_step
             if chain is not None and (step is None or shown is not field):
@@ -61,12 +62,11 @@ class Margin(StepByStep):
         return replace(decision, report=report, first_step=step)
 
 
-def grown(field: Field, state: State, margin: float) -> Field:
+def grown_field(field: Field, state: State, margin: float) -> Field:
     """The field with its obstacles grown by a margin [m].
 
-    An obstacle grows by less where it would contain the vehicle, the start or the goal. While all
-    obstacles grow by the same amounts the result is the same object, since planners cache what they
-    compute by a field's identity.
+    An obstacle grows by less where it would contain the vehicle, the start or the goal. The same
+    margins return the same `Field` object, because planners cache results by the field's identity.
     """
     free = np.stack([state.vehicle.position, field.start, field.goal])
     room = field.obstacles.signed_distance(free).min(axis=0) - _OUTSIDE

@@ -61,7 +61,7 @@ BAD_RESETS: list[tuple[dict, str]] = [
     ({"seed": 5, "options": {"field": [FLAT, None, 7]}}, "must be a Field .* got int"),
     ({"seed": 5, "options": {"field": WIDE}}, "field wide has 51 obstacles, .* capacity=51"),
     ({"seed": 5, "options": {"field": [FLAT, None, SPACE]}}, "planar, field space has 3 dim"),
-    ({"seed": 5, "options": {"field": [FLAT, None, WALLS]}}, "knows discs only, not Walls"),
+    ({"seed": 5, "options": {"field": [FLAT, None, WALLS]}}, "supports discs only, not Walls"),
     ({"seed": 5, "options": {"reset_mask": [True] * 3}}, "must be a NumPy array of bool"),
     ({"seed": 5, "options": {"reset_mask": np.ones(3)}}, "must be a NumPy array of bool"),
     ({"seed": 5, "options": {"reset_mask": SOME[:2]}}, r"must have shape \(3,\), got \(2,\)"),
@@ -152,7 +152,7 @@ def test_bad_actions_are_refused_and_nothing_changes(actions: Any, message: str)
         ({"seed": 5, "options": {"wind": 3}}, "unknown reset options"),
         ({"seed": 5, "options": []}, r"reset options are a dictionary with 'field', .* got \[\]"),
         ({"seed": 5, "options": {"field": SPACE}}, "planar, field space has 3 dimensions"),
-        ({"seed": 5, "options": {"field": WALLS}}, "knows discs only, not Walls"),
+        ({"seed": 5, "options": {"field": WALLS}}, "supports discs only, not Walls"),
     ],
 )
 def test_the_scalar_environment_refuses_alike(arguments: dict, message: str) -> None:

@@ -1,7 +1,7 @@
 """Derivatives by complex step, as the paper takes them: exact, and slow.
 
 Reference:
-    The paper, section III-C5, whose formula lacks the h inside f: the derivative is
+    The paper, section III-C5, whose printed formula omits h inside f; it should be
     Im f(x + i h e_k) / h. Martins, Sturdza & Alonso (2003), The complex-step derivative
     approximation, ACM TOMS 29(3).
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from planners.optimization.certification import Solution
-from planners.optimization.nonlinear_program import Programme
+from planners.optimization.nonlinear_program import Program
 from planners.optimization.reference.exchange import Solver
 
 STEP = 1e-30
@@ -33,38 +33,38 @@ def complex_step(function: Callable[[GenericArray], GenericArray], x: Array) -> 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComplexStep:
-    """A programme whose gradients are taken by complex step."""
+    """A program whose gradients are taken by complex step."""
 
-    programme: Programme
+    program: Program
 
     @property
     def bounds(self) -> tuple[Array, Array]:
         """Least and greatest x."""
-        return self.programme.bounds
+        return self.program.bounds
 
     def f(self, x: GenericArray) -> GenericArray:
         """Objective."""
-        return self.programme.f(x)
+        return self.program.f(x)
 
     def c(self, x: GenericArray) -> GenericArray:
         """Constraints (m,), feasible where >= 0."""
-        return self.programme.c(x)
+        return self.program.c(x)
 
     def gradient(self, x: Array) -> Array:
         """Gradient of the objective (unknowns,)."""
-        return complex_step(self.programme.f, x)
+        return complex_step(self.program.f, x)
 
     def jacobian(self, x: Array) -> Array:
         """Gradients of the constraints (m, unknowns)."""
-        return complex_step(self.programme.c, x)
+        return complex_step(self.program.c, x)
 
 
 @dataclass(frozen=True, slots=True)
 class ByComplexStep:
-    """A solver fed with complex-step gradients, as the paper's."""
+    """A solver with complex-step gradients, as in the paper."""
 
     solver: Solver
 
-    def solve(self, programme: Programme, guess: Array) -> Solution:
+    def solve(self, program: Program, guess: Array) -> Solution:
         """Start at `guess` (unknowns,), which need not be feasible."""
-        return self.solver.solve(ComplexStep(programme), guess)
+        return self.solver.solve(ComplexStep(program), guess)

@@ -1,8 +1,8 @@
 """The exchange method: constraints are added where certification finds a curve infeasible.
 
 A curve that satisfies sampled constraints may cut into a disc between the samples, leave the bounds
-or turn a corner. What certification finds is added to the problem as a further row, and the solver
-is started again from its last solution, as in semi-infinite programming.
+or have a cusp. Each violation that certification finds is added to the problem as a further
+constraint, and the solver is started again from its last solution, as in semi-infinite programming.
 
 Reference:
     Hettich & Kortanek (1993), Semi-infinite programming: theory, methods, and applications, SIAM
@@ -24,26 +24,32 @@ from ferguson_gym.curves.clearance import least_speed
 from ferguson_gym.curves.splines import basis, extent
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, Limits
-from planners.optimization.certification import AIM, ROUNDS, Certified, Solution, certify
-from planners.optimization.constraints import (
+from planners.optimization.certification import (
+    MAX_SOLVES,
+    TARGET_TOLERANCE,
+    Certified,
+    Solution,
+    certify,
+)
+from planners.optimization.nonlinear_program import Program
+from planners.optimization.quadrature import lengths
+from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.sampled_constraints import (
     ClearanceAt,
     Constraint,
     InsideAt,
     LengthBounds,
     SpeedAt,
 )
-from planners.optimization.nonlinear_program import Programme
-from planners.optimization.quadrature import lengths
-from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.window import Window
 
-HOPELESS = 1e-3
-"""Violation of a solver's own rows [m] above which further rows are of no use."""
+MAX_VIOLATION = 1e-3
+"""If the solver violates its own constraints by more [m], adding constraints is pointless."""
 
 
 @dataclass(frozen=True, slots=True)
 class ByExchange:
-    """Solves windows by a solver of programmes, with sampled rows and those of certification."""
+    """Solves windows with an NLP solver, samples first, then with violated constraints added."""
 
     solver: Solver = field(default_factory=Slsqp)
 
@@ -67,7 +73,7 @@ class ByExchange:
             evaluations, rounds = evaluations + solution.evaluations, rounds + 1
             x, control = solution.x, window.chain.control(solution.x)
             feasible = bool(certify(window, control[None])[0])
-            if feasible or rounds == ROUNDS or not problem.c(x).min() >= -HOPELESS:
+            if feasible or rounds == MAX_SOLVES or not problem.c(x).min() >= -MAX_VIOLATION:
                 break
             if time.perf_counter() > until:
                 break
@@ -89,27 +95,33 @@ def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint
     """
     rows: list[Constraint] = []
     certified = length(control)
-    if ((certified < limits.shortest - AIM) | (certified > limits.longest + AIM)).any():
+    if (
+        (certified < limits.shortest - TARGET_TOLERANCE)
+        | (certified > limits.longest + TARGET_TOLERANCE)
+    ).any():
         rows.append(LengthBounds(limits, certified - lengths(control)))
     speed, t = least_speed(control)
-    if len(slow := np.flatnonzero(speed < limits.slowest - AIM)):
+    if len(slow := np.flatnonzero(speed < limits.slowest - TARGET_TOLERANCE)):
         rows.append(SpeedAt(limits.slowest, slow, basis(t[slow], 1)))
     low, high = extent(control)
-    outside = ((low < field.bounds[0] - AIM) | (high > field.bounds[1] + AIM)).any(axis=-1)
+    outside = (
+        (low < field.bounds[0] - TARGET_TOLERANCE) | (high > field.bounds[1] + TARGET_TOLERANCE)
+    ).any(axis=-1)
     if len(outer := np.flatnonzero(outside)):
-        # at many parameters, since a coordinate has up to four extremes, which move
+        # at many parameters, since a coordinate has up to two extremes inside and two ends, which
+        # move
         t = np.linspace(0.0, 1.0, 33)
         segment, weights = np.repeat(outer, len(t)), np.tile(basis(t), (len(outer), 1))
         rows.append(InsideAt(field.bounds, segment, weights))
     clear, t = field.obstacles.closest(control)
-    segment, obstacle = np.nonzero(clear < -AIM)
+    segment, obstacle = np.nonzero(clear < -TARGET_TOLERANCE)
     if len(segment):
         rows.append(ClearanceAt(field.obstacles, segment, obstacle, basis(t[segment, obstacle])))
     return rows
 
 
 class Solver(Protocol):
-    """Finds a local minimum of a programme."""
+    """Finds a local minimum of a nonlinear program."""
 
-    def solve(self, programme: Programme, guess: Array) -> Solution:
+    def solve(self, program: Program, guess: Array) -> Solution:
         """Start at `guess` (unknowns,), which need not be feasible."""

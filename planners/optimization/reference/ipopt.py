@@ -1,9 +1,8 @@
-"""IPOPT through CasADi, for comparison: the sampled programme with exact derivatives.
+"""IPOPT through CasADi, for comparison: the sampled program with exact derivatives.
 
-The same NumPy functions that evaluate the programme give expressions on arrays of CasADi's symbols,
-which CasADi differentiates. The window's position, its obstacles and the rows that certification
-adds are parameters, so that one construction serves all windows of the same size. Needs the extra
-`bench`.
+Applied to arrays of CasADi symbols, the NumPy functions of the problem give expressions that CasADi
+differentiates. The window's position, its obstacles and the rows that certification adds are
+parameters, so that one construction serves all windows of the same size. Needs the extra `bench`.
 
 Reference:
     Wächter & Biegler (2006), On the implementation of an interior-point filter line-search
@@ -25,7 +24,10 @@ from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.world import Discs, Limits
 from planners.optimization.certification import Solution
 from planners.optimization.chain import Chain
-from planners.optimization.constraints import (
+from planners.optimization.nonlinear_program import Problem, Program
+from planners.optimization.objectives import HorizonObjective
+from planners.optimization.quadrature import lengths
+from planners.optimization.sampled_constraints import (
     ClearanceAt,
     Constraint,
     LengthBounds,
@@ -33,16 +35,13 @@ from planners.optimization.constraints import (
     SpeedAt,
     sample_weights,
 )
-from planners.optimization.nonlinear_program import Problem, Programme
-from planners.optimization.objectives import HorizonObjective
-from planners.optimization.quadrature import lengths
 
 _DISCS = 16
-"""Constructions serve numbers of discs up to the next multiple of this."""
+"""The number of discs is padded to a multiple of this."""
 _ROWS = 64
 """Capacity of a construction for added rows; the latest are kept."""
-_FAR = 1e3
-"""Position of discs and rows that only fill the capacity [m]."""
+_PADDING = 1e3
+"""Position of padding discs and rows [m]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,7 +72,7 @@ class _Size:
 
 @lru_cache(maxsize=16)
 def _construct(size: _Size) -> Callable[..., dict[str, Any]]:
-    """Construct the parametric programme in CasADi, which takes about a second."""
+    """Construct the parametric program in CasADi, which takes about a second."""
     try:
         import casadi
     except ImportError as error:
@@ -135,18 +134,19 @@ def _construct(size: _Size) -> Callable[..., dict[str, Any]]:
 class Ipopt:
     """IPOPT, its tolerances set for certification."""
 
-    def solve(self, programme: Programme, guess: Array) -> Solution:
+    def solve(self, program: Program, guess: Array) -> Solution:
         """Start at `guess` (unknowns,), which need not be feasible.
 
-        Rows of bounds that certification adds are left out; certification finds them again.
+        Added constraints on the bounds (`InsideAt`) are ignored; certification reports a violated
+        bound again in the next round.
 
         Raises:
             ImportError: CasADi is not installed.
-            TypeError: another programme than a chain among discs.
+            TypeError: the program is not a chain among discs.
         """
-        if not isinstance(programme, Problem):
-            raise TypeError(f"IPOPT needs a Problem, not {type(programme).__name__}")
-        problem = programme
+        if not isinstance(program, Problem):
+            raise TypeError(f"IPOPT needs a Problem, not {type(program).__name__}")
+        problem = program
         solver: Any = _construct(_size(problem))
         low, high = problem.bounds
         end = solver(
@@ -196,7 +196,7 @@ def _size(problem: Problem) -> _Size:
 def _parameters(problem: Problem) -> Array:
     """The values of a construction's parameters, in its order."""
     n, size = problem.chain.segments, _size(problem)
-    centers, radii = np.full((size.discs, 2), _FAR), np.ones(size.discs)
+    centers, radii = np.full((size.discs, 2), _PADDING), np.ones(size.discs)
     known, known_radii = _discs(problem)
     centers[: len(known)], radii[: len(known)] = known, known_radii
     correction = np.zeros(n)
@@ -228,7 +228,7 @@ def _parameters(problem: Problem) -> Array:
             weights.ravel(),
             np.zeros(empty * 4 * n),
             around.ravel(),
-            np.full(empty * 2, _FAR),
+            np.full(empty * 2, _PADDING),
             least,
             np.zeros(empty),
         ]

@@ -1,4 +1,4 @@
-"""SciPy's SLSQP as a solver of a window's programme."""
+"""SciPy's SLSQP as a solver of a window's sampled program."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 from ferguson_gym.runtime.arrays import Array
 from planners.optimization.certification import Solution
-from planners.optimization.nonlinear_program import Programme
+from planners.optimization.nonlinear_program import Program
 
 
 @cache
@@ -30,27 +30,27 @@ class Slsqp:
     precision: float = 1e-6
     """Stop where objective and constraint violation change less than this [m]."""
     iterations: int = 100
-    """Most iterations of one solve."""
+    """Maximum number of iterations per solve."""
 
-    def solve(self, programme: Programme, guess: Array) -> Solution:
+    def solve(self, program: Program, guess: Array) -> Solution:
         """Start at `guess` (unknowns,), which need not be feasible."""
-        low, high = programme.bounds
+        low, high = program.bounds
         guess = np.clip(guess, low, high)
         # the order of summation must not depend on the number of cores
         with _thread_pools().limit(limits=1, user_api="blas"):
             result = minimize(
-                lambda x: float(programme.f(x)),
+                lambda x: float(program.f(x)),
                 guess,
-                jac=programme.gradient,
+                jac=program.gradient,
                 bounds=np.column_stack([low, high]),
-                constraints={"type": "ineq", "fun": programme.c, "jac": programme.jacobian},
+                constraints={"type": "ineq", "fun": program.c, "jac": program.jacobian},
                 method="SLSQP",
                 options={"ftol": self.precision, "maxiter": self.iterations},
             )
         x = result.x if np.isfinite(result.x).all() else guess
         return Solution(
             x=x,
-            objective=float(programme.f(x)),
+            objective=float(program.f(x)),
             converged=bool(result.success),
             status="converged" if result.success else str(result.message),
             evaluations=int(result.nfev),

@@ -29,7 +29,7 @@ class TwoSteps:
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
     ) -> list[Certified]:
-        """Find certified chains from guesses (n, 4, 2); the objective is the distance left."""
+        """Find certified chains from guesses (n, 4, 2); the objective is the remaining distance."""
         if not isinstance(window.objective, HorizonObjective):
             return self.search.solve(window, guesses, until)
         nearest = replace(window, objective=replace(window.objective, alpha=0.0))

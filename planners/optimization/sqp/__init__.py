@@ -1,6 +1,9 @@
 """The planners' solver: elastic sequential quadratic programming with exact Hessians.
 
-`ElasticSqp` has the options of a search from one start; `MultiStart` searches from many.
+`ElasticSqp` has the options of a search from one initial guess; `MultiStart` searches from many.
+The constraints are the lengths (`expansion`) and the contacts with discs, bounds, the lower bound
+on |X'(t)| (`contacts`) and the turn radius (`turn_contacts`); `elastic_qp` assembles those of a
+step.
 """
 
 from planners.optimization.sqp.elastic_sqp import ElasticSqp as ElasticSqp

@@ -1,15 +1,14 @@
 """Contacts of a curve with discs, bounds and its least speed, to second order, compiled.
 
-A contact is a parameter at which a curve comes near to a disc or to the field's bounds, or its
-derivative near to zero. Its clearance c(x) = min over t of phi(x, t) is taken over a neighbourhood
-of the local minimum t*, so that by the envelope theorem
+A contact is a local minimum over t of the distance phi(x, t) between a curve and a disc or a bound,
+or of |X'(t)| minus its limit. Its value c(x) = phi(x, t*(x)), here called its clearance, is a
+constraint c(x) >= 0 of the solver. By the envelope theorem
 
     grad c = phi_x,    hess c = phi_xx - phi_xt phi_tx / phi_tt    at t*.
 
-Local minima are bracketed by the sign of phi_t at 17 parameters and refined by Newton's
-method. Where a curve follows a disc, neighbouring parameters are nearly as close, and a step can
-make any of them the nearest: sampled parameters within `NEAR` of a disc are contacts of their own,
-at a fixed t.
+Local minima are bracketed by the sign of phi_t at 17 parameters and refined by Newton's method.
+Where a curve runs along a disc, many parameters are almost equally close, and a step can make any
+of them the nearest. Therefore every sample within `NEAR` of a disc is also a contact, at a fixed t.
 
 Reference:
     Fiacco & Ishizuka (1990), Sensitivity and stability analysis for nonlinear programming,
@@ -32,16 +31,16 @@ Records = NDArray[np.void]
 """An array of CONTACT."""
 
 SPEED, LOW, HIGH = -1, -2, -4
-"""Limits other than discs, as in `what` of a contact: least speed, least coordinate and greatest
-coordinate, the last two minus the coordinate's index."""
+"""Codes in the field `what` of a contact, beside the indices of discs: SPEED for the lower bound on
+|X'(t)|; LOW - d and HIGH - d for the bounds of coordinate d."""
 NEAR = 0.1
 """Distance [m] from a disc within which every sampled parameter is a contact."""
 
-LOOKS = 17
+SAMPLES = 17
 """Number of sampled parameters of a curve."""
-_T = np.linspace(0.0, 1.0, LOOKS)
-_POINT, _SLOPE, _TURN = basis(_T), basis(_T, 1), basis(_T, 2)
-_NOWHERE = 1e-9
+_T = np.linspace(0.0, 1.0, SAMPLES)
+_POINT, _SLOPE, _SECOND = basis(_T), basis(_T, 1), basis(_T, 2)
+_MIN_NORM = 1e-9
 """Vectors shorter than this have no usable direction [m]."""
 
 CONTACT = np.dtype(
@@ -50,11 +49,11 @@ CONTACT = np.dtype(
         ("segment", np.int64),
         ("what", np.int64),  # disc, or SPEED, LOW, HIGH, or a side, LEFT or RIGHT, of turns
         ("t", np.float64),
-        ("weight", np.float64, (4,)),  # w: of the control rows at t
-        ("normal", np.float64, (2,)),  # N: in which the clearance grows
+        ("weight", np.float64, (4,)),  # w: weights of the control rows at t
+        ("normal", np.float64, (2,)),  # N: direction in which the clearance grows
         ("inverse", np.float64),  # q: one over the distance from a disc's centre [1/m]
-        ("mixed", np.float64, (8,)),  # u: gradient of the clearance's derivative by t
-        ("drift", np.float64),  # e: one over its second derivative, zero where t is fixed
+        ("mixed", np.float64, (8,)),  # u = phi_xt
+        ("drift", np.float64),  # e = 1 / phi_tt, zero where t is fixed
     ],
     align=True,
 )
@@ -78,7 +77,7 @@ def row_weights(t: float, order: int) -> tuple[float, float, float, float]:
 
 @compiled
 def _refine(powers: Array, cx: float, cy: float, low: float, high: float) -> float:
-    """Parameter of the least |Y(t) - (cx, cy)|^2 between a falling and a rising end.
+    """Minimiser of |Y(t) - (cx, cy)|^2 on [low, high], where it falls at `low`, rises at `high`.
 
     Y has the coefficients `powers` (4, 2) of 1, t, t^2, t^3.
     """
@@ -126,7 +125,7 @@ class Piece(NamedTuple):
 
 
 class Circle(NamedTuple):
-    """A disc that a segment must keep outside of, or its derivative that of least speed."""
+    """A circle that a segment, or for SPEED its derivative, must stay outside of."""
 
     what: int
     """Index of the disc, or SPEED."""
@@ -147,8 +146,8 @@ class Curve(NamedTuple):
     powers: Array
     """(4, 2) coefficients of 1, t, t^2, t^3."""
     spread: Array
-    """(2,) radius of a disc around the middle that contains the curve, and the curve's distance
-    from its samples; only estimates for extreme curves, for which certification decides."""
+    """(2,) estimates of the curve's radius around the middle and of its deviation between samples;
+    certification covers curves for which they are too small."""
 
 
 @compiled
@@ -161,7 +160,7 @@ def trace(control: Array, order: int, middle: tuple[float, float], curve: Curve)
             w = _POINT[i, a] if order == 0 else _SLOPE[i, a]
             px += w * control[a, 0]
             py += w * control[a, 1]
-            w = _SLOPE[i, a] if order == 0 else _TURN[i, a]
+            w = _SLOPE[i, a] if order == 0 else _SECOND[i, a]
             vx += w * control[a, 0]
             vy += w * control[a, 1]
         curve.points[i, 0], curve.points[i, 1] = px, py
@@ -222,7 +221,7 @@ def add(
     reach: float,
     powers: Array,
 ) -> int:
-    """Add a contact with a disc, or of the derivative with a disc of the least speed."""
+    """Add a contact with a disc or, for SPEED, of the derivative with the circle of its limit."""
     if count == len(records):
         return count
     a1, a2, a3 = powers[1, 0], powers[2, 0], powers[3, 0]
@@ -233,8 +232,8 @@ def add(
     if norm - circle.radius >= reach:
         return count
     size = norm
-    if norm < _NOWHERE:
-        # any direction serves: across the chord for a disc, along it for the speed
+    if norm < _MIN_NORM:
+        # any direction will do: across the chord for a disc, along it for the derivative
         control = piece.control
         x, y = control[1, 0] - control[0, 0], control[1, 1] - control[0, 1]
         if circle.what >= 0:
@@ -242,7 +241,7 @@ def add(
         if x == 0.0 and y == 0.0:
             x = 1.0
         size = np.sqrt(x * x + y * y)
-    nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _NOWHERE)
+    nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _MIN_NORM)
     what, clearance = circle.what, norm - circle.radius
     _record(records, gradients, count, piece, what, t, clearance, (nx, ny), inverse)
     if moving:
@@ -250,7 +249,7 @@ def add(
         along = vx * nx + vy * ny
         turn = nx * (2.0 * a2 + 6.0 * t * a3) + ny * (2.0 * b2 + 6.0 * t * b3)
         turn += (vx * vx + vy * vy - along * along) * inverse
-        if turn > _NOWHERE:
+        if turn > _MIN_NORM:
             contact = records[count]
             contact.drift = 1.0 / turn
             wx, wy = (vx - along * nx) * inverse, (vy - along * ny) * inverse
@@ -275,7 +274,7 @@ def _add_coordinate(
 ) -> int:
     """Add a contact of coordinate d at an extreme: parameter, clearance, second derivative."""
     t, clearance, turn = extreme
-    if not 0.0 < t < 1.0 or turn <= _NOWHERE or count == len(records) or clearance >= reach:
+    if not 0.0 < t < 1.0 or turn <= _MIN_NORM or count == len(records) or clearance >= reach:
         return count
     sign = 1.0 if side == 0 else -1.0
     normal = (sign, 0.0) if d == 0 else (0.0, sign)

@@ -1,9 +1,10 @@
-"""The elastic quadratic programme of one step, solved by DAQP.
+"""The elastic quadratic program of one step, solved by DAQP.
 
     minimise    g.p + 1/2 p.H p + nu sum s
     subject to  c + A p >= -s,   s >= 0,   low <= x + p <= high,   |p_i| <= radius scale_i
 
-with the rows c of a chain's lengths and of its contacts within reach of the radius.
+where c contains the length constraints and the contacts that a step within the trust region can
+reach.
 
 Reference:
     Arnström, Bemporad & Axehill (2022), A dual active-set solver for embedded quadratic
@@ -22,22 +23,22 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from planners.optimization.sqp.contacts import Integers
 from planners.optimization.sqp.expansion import Expansion
-from planners.optimization.sqp.turn_contacts import LEFT, SWING
+from planners.optimization.sqp.turn_contacts import LEFT, TURN_RATIO
 
 _REACH = 2.5
-"""A step of one metre in every point, three in every derivative, moves no point of a curve
-farther [m]."""
+"""Upper bound on the displacement [m] of any curve point for a step of 1 m in every point and 3 m
+in every derivative."""
 _PRICE = 1e4
-"""nu. DAQP applies it to rows scaled by H, which does not matter: where the rows can be satisfied,
-any high price gives the same step."""
+"""nu. DAQP applies it to rows scaled by H, which does not matter: where the constraints can be
+satisfied, any sufficiently large penalty gives the same step."""
 _ITERATIONS = 300
-"""Most iterations of DAQP, which might otherwise cycle."""
+"""Maximum number of iterations of DAQP, which might otherwise cycle."""
 _SOFT = 8
-"""DAQP's mark of a row that may be violated at a price."""
+"""DAQP's flag for soft constraints."""
 
 
 class Rows(NamedTuple):
-    """A quadratic programme in the form of DAQP."""
+    """A quadratic program in the form of DAQP."""
 
     slopes: Array
     """(rows, m)."""
@@ -52,7 +53,7 @@ class Rows(NamedTuple):
 
 
 def empty_rows(segments: int, unknowns: int, contacts: int) -> Rows:
-    """Memory for a quadratic programme."""
+    """Memory for a quadratic program."""
     rows = segments + contacts
     sense = np.full(unknowns + rows, _SOFT, np.int32)
     sense[:unknowns] = 0
@@ -82,7 +83,7 @@ def _fill(
     limits: Array,
     out: Rows,
 ) -> int:
-    """Fill in the programme; return its number of rows."""
+    """Fill in the quadratic program; return its number of rows."""
     m, segments = len(x), len(here.length)
     for i in range(m):
         out.lower[i] = max(low[i] - x[i], -radius * scale[i])
@@ -92,7 +93,7 @@ def _fill(
         out.lower[m + k], out.upper[m + k] = limits[0] - here.length[k], limits[1] - here.length[k]
     count = segments
     for row in range(contacts):
-        swing = 1.0 if here.contact[row].what > LEFT else SWING
+        swing = 1.0 if here.contact[row].what > LEFT else TURN_RATIO
         if here.contact[row].clearance < swing * _REACH * radius:
             out.slopes[count] = here.slope[row]
             out.lower[m + count] = -here.contact[row].clearance

@@ -1,16 +1,17 @@
-"""Elastic sequential quadratic programming in a trust region: a window from one first guess.
+"""Elastic sequential quadratic programming in a trust region: a window from one initial guess.
 
 At unknowns x, with the multipliers lambda of the last step, the next step p solves the elastic
-quadratic programme of `planners.optimization.sqp.elastic_qp`: linearised lengths and contacts, and
+quadratic program of `planners.optimization.sqp.elastic_qp`: linearised lengths and contacts, and
 the exact Hessian of the Lagrangian f - lambda.c, made definite. A filter accepts a step if it
-reduces the objective or the violation against every earlier point.
+reduces the objective or the violation compared with every remembered iterate.
 
-A window is nearly flat in some directions: the position of a joint and the size of a derivative
-hardly change the curve. `floor`, the least curvature of the model, limits steps along them; it is
-lowered where the model proves too curved.
+A window is nearly flat in some directions: moving a joint along the curve or scaling a derivative
+hardly changes the curve. `floor`, a lower bound on the model's curvature, limits steps in these
+directions; it is reduced when the objective falls faster than predicted.
 
-When a step promises too little, feasibility is restored: the search projects its point onto the
-linearised constraints until they are satisfied, lengths by certified quadrature.
+When the predicted gain of a step is small enough, the search ends with a feasibility restoration:
+it projects its point onto the linearised constraints until the constraints are satisfied, lengths
+by certified quadrature.
 
 Reference:
     Nocedal & Wright (2006), Numerical optimization, 2nd edition, sections 18.5 and 18.8.
@@ -28,7 +29,7 @@ import numpy as np
 from ferguson_gym.curves.arc_length import length as certified_length
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.obstacles import Discs
-from planners.optimization.certification import AIM
+from planners.optimization.certification import TARGET_TOLERANCE
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
 from planners.optimization.sqp.expansion import Layout, expand
@@ -47,13 +48,13 @@ from planners.optimization.sqp.trust_region import TrustRegion
 from planners.optimization.sqp.turn_contacts import too_sharp
 from planners.optimization.window import Window
 
-_FEASIBLE = 0.3 * AIM
+_FEASIBLE = 0.3 * TARGET_TOLERANCE
 """Sum of violations [m] that counts as zero."""
 _NEARLY_FEASIBLE = 1e-2
 """Violation [m] below which feasibility can be restored in a few steps."""
 _Box: TypeAlias = tuple[Array, Array]
 CONVERGED = "converged"
-OUTDONE = "outdone by another start"
+ABANDONED = "abandoned, behind another guess"
 DEADLINE = "deadline reached"
 
 
@@ -62,41 +63,42 @@ class ElasticSqp:
     """Options of a search."""
 
     precision: float = 1e-6
-    """Relative gain of a step below which the search stops."""
+    """Relative predicted gain of a step below which the search stops."""
     iterations: int = 60
-    """Most steps."""
+    """Maximum number of steps."""
     patience: float = 6.0
-    """The search stops if it is behind another start by this many times the gain of a step."""
+    """The search is abandoned if its objective exceeds the bound, the best of another guess, by
+    more than this multiple of the predicted gain of a step."""
     radius: float = 2.0
     """Initial radius of the trust region for points [m]; three times as much for derivatives."""
-    widest: float = 8.0
-    """Greatest radius [m]."""
+    max_radius: float = 8.0
+    """Maximum radius [m]."""
     floor: float = 3e-2
-    """Initial least curvature of the model [m per square of an unknown]."""
-    detour: float = 2.0
-    """Greatest violation [m] that a search may pass through, or that of its start if greater."""
+    """Initial lower bound on the curvature of the model [m per square of an unknown]."""
+    max_violation: float = 2.0
+    """Maximum total violation [m] of an iterate, or that of the initial guess if it is larger."""
 
 
 @dataclass(slots=True, eq=False)
 class SearchState:
-    """The state of the search from one first guess."""
+    """The state of the search from one initial guess."""
 
     x: Array
     """Unknowns (m,)."""
     layout: Layout
-    """The window, with the contacts that certification pinned."""
+    """The window, with the contacts that were pinned after certification failed."""
     objective: float = math.nan
     status: str = ""
     """How the search ended."""
     steps: int = 0
     evaluations: int = 0
     rounds: int = 0
-    """Number of searches, 1 if certification found nothing."""
+    """Number of searches; 1 if the first result was certified."""
     seconds: float = 0.0
 
 
 class Search:
-    """Searches for local minima of one window, one after the other, in the same memory.
+    """Searches for local minima of one window, one after the other, reusing memory.
 
     Raises:
         TypeError: a window among other obstacles than discs.
@@ -128,7 +130,7 @@ class Search:
         self.evaluations = 0
 
     def start(self, guess: Array, bound: float) -> SearchState:
-        """Search from a guess (n, 4, 2), and stop early where it cannot fall below `bound`.
+        """Search from a guess (n, 4, 2), and stop early if the objective cannot fall below `bound`.
 
         Raises:
             ValueError: a guess that is not finite.
@@ -150,25 +152,25 @@ class Search:
         state.seconds += time.perf_counter() - began
 
     def pin_contacts(self, state: SearchState, chain: Array) -> bool:
-        """Pin the contacts at which certification fails; False if resuming cannot help."""
-        if state.status not in (CONVERGED, OUTDONE):
+        """Add contacts at fixed parameters where certification fails; False if there are none."""
+        if state.status not in (CONVERGED, ABANDONED):
             return False
         clear, t = self.window.obstacles.closest(chain)
-        segment, disc = np.nonzero(clear < -AIM)
+        segment, disc = np.nonzero(clear < -TARGET_TOLERANCE)
         pinned = np.column_stack([segment, disc, t[segment, disc]])
-        pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, AIM)])
+        pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, TARGET_TOLERANCE)])
         every = np.vstack([state.layout.pinned_contacts, pinned])
         state.layout = state.layout._replace(pinned_contacts=every)
         return len(pinned) > 0
 
     def _descend(self, state: SearchState, bound: float) -> tuple[Iterate, str]:
-        """Step until the search ends; return where, and how."""
+        """Iterate; return the final iterate and the reason for stopping."""
         options = self.options
         region = TrustRegion(options.radius, options.floor, options.precision)
         here, there = self.points
         self._expand(here, state.x, elastic_qp.reach(region.radius))
         self._differentiate(here, here, np.zeros(len(here.tension)))
-        accepted = Filter(max(options.detour, here.violation))
+        accepted = Filter(max(options.max_violation, here.violation))
         nearest = math.inf
         while True:
             if state.steps >= options.iterations:
@@ -206,10 +208,10 @@ class Search:
                 continue
             self._differentiate(there, here, trial.multipliers)
             here, there = there, here
-            region.after_accepted_step(ratio, trial.size, options.widest)
+            region.after_accepted_step(ratio, trial.size, options.max_radius)
 
     def _trial_step(self, here: Iterate, region: TrustRegion) -> TrialStep | None:
-        """The step of the quadratic programme; None if that has no solution."""
+        """The step of the quadratic program; None if that has no solution."""
         make_definite(here.hessian, region.floor, self.model)
         p, multipliers = self._step(here, here.gradient, self.model, region.radius, self.box)
         if p is None:
@@ -221,10 +223,10 @@ class Search:
     def _stops(self, here: Iterate, trial: TrialStep, precision: float, bound: float) -> str | None:
         """Why a nearly feasible search should end; None if it should go on."""
         little = trial.gain < precision * max(1.0, abs(here.objective))
-        outdone = here.objective - self.options.patience * trial.gain > bound
-        if not (little or outdone) or not here.violation < _NEARLY_FEASIBLE:
+        abandoned = here.objective - self.options.patience * trial.gain > bound
+        if not (little or abandoned) or not here.violation < _NEARLY_FEASIBLE:
             return None
-        return CONVERGED if little else OUTDONE
+        return CONVERGED if little else ABANDONED
 
     def _expand(self, point: Iterate, x: Array, reach: float) -> None:
         point.x, here, objective = x, point.expansion, self.window.objective
@@ -256,7 +258,7 @@ class Search:
         return math.hypot(x - self.kink[0], y - self.kink[1])
 
     def _ending_on_kink(self) -> _Box:
-        """The box with the chain's end fixed at the kink, which no smooth model would reach."""
+        """Bounds that fix the chain's end at the kink."""
         low, high = self.box[0].copy(), self.box[1].copy()
         low[self.end] = high[self.end] = self.kink
         return low, high

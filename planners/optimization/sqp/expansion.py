@@ -11,7 +11,7 @@ from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp.contacts import (
     CONTACT,
-    LOOKS,
+    SAMPLES,
     SPEED,
     Circle,
     Curve,
@@ -30,8 +30,8 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
 _NODES, _WEIGHTS = 0.5 * (_NODES + 1.0), 0.5 * _WEIGHTS
 _BLEND = np.column_stack([(1.0 - _NODES) ** 2, 2.0 * _NODES * (1.0 - _NODES), _NODES**2])
 _HODOGRAPH = np.array([[0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -1.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
-"""Bézier points of the derivative from the rows of a control array."""
-_STILL = 1e-9
+"""Bézier points of the hodograph, the derivative curve X'(t), from the rows of a control array."""
+_MIN_SPEED = 1e-9
 """Derivatives below this count as zero [m per unit t]."""
 
 
@@ -43,24 +43,24 @@ class Layout(NamedTuple):
     place: Integers
     """(n, 8) place of each number of a segment among the m unknowns, -1 if it is fixed."""
     bounds: Array
-    """(2, 2) least and greatest coordinates [m]."""
+    """(2, 2) lower and upper bounds of the coordinates [m]."""
     centers: Array
     """(discs, 2) [m]."""
     radii: Array
     """(discs,) [m]."""
     slowest: float
-    """Least |X'(t)| [m per unit t]."""
+    """Lower bound on |X'(t)| [m per unit t]."""
     limits: Array
     """Shortest and longest segment [m]."""
     bending_weight: float
     """Weight of the integral of |X''|^2 over t in the objective [1/m]."""
     correction: Array
-    """(n,) certified length less quadrature [m], zero but for near-cusps."""
+    """(n,) certified length minus quadrature length [m]; nonzero only near cusps."""
     pinned_contacts: Array
     """(k, 3) contacts that certification found, at a fixed parameter: segment, disc or side of a
     turn, and t."""
     turn_radius: float
-    """Least radius of turns [m]; zero allows any."""
+    """Minimum turn radius [m]; zero allows any."""
 
 
 class Expansion(NamedTuple):
@@ -81,7 +81,7 @@ class Expansion(NamedTuple):
 
 
 def empty_expansion(segments: int, unknowns: int, room: int) -> Expansion:
-    """Memory for an expansion with `room` contacts; further ones are left to certification."""
+    """Memory for `room` contacts; further ones are dropped, and certified if they are violated."""
     return Expansion(
         control=np.empty((segments, 4, 2)),
         length=np.empty(segments),
@@ -113,7 +113,7 @@ def _measure(
         y = b0 * v[0, 1] + b1 * v[1, 1] + b2 * v[2, 1]
         speed = np.sqrt(x * x + y * y)
         length += _WEIGHTS[i] * speed
-        if speed < _STILL:
+        if speed < _MIN_SPEED:
             continue
         ux, uy = x / speed, y / speed
         across = _WEIGHTS[i] / speed
@@ -218,7 +218,7 @@ def _add_discs(
 def _add_speed(
     layout: Layout, out: Expansion, count: int, piece: Piece, reach: float, curve: Curve
 ) -> int:
-    """Add the contacts of a segment's derivative with the disc of least speed."""
+    """Add the contacts of a segment's derivative with the circle of its lower bound."""
     least = approach(curve.points, curve.slopes, 0.0, 0.0, curve.rise)
     if least < (layout.slowest + reach + curve.spread[1]) ** 2:
         circle = Circle(SPEED, 0.0, 0.0, layout.slowest)
@@ -235,13 +235,17 @@ def expand(
     Contacts with a clearance of `reach` [m] or more are left out.
 
     Returns:
-        The number of contacts; the sum of all violations of limits [m]; the chain's length [m];
+        The number of contacts; the sum of all constraint violations [m]; the chain's length [m];
         and the bending's share of the objective [m].
     """
     slope = np.empty(8)
     v, first, second = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 3, 3))
     curve = Curve(
-        np.empty((LOOKS, 2)), np.empty((LOOKS, 2)), np.empty(LOOKS), np.empty((4, 2)), np.empty(2)
+        np.empty((SAMPLES, 2)),
+        np.empty((SAMPLES, 2)),
+        np.empty(SAMPLES),
+        np.empty((4, 2)),
+        np.empty(2),
     )
     count, total, bent = 0, 0.0, 0.0
     for k in range(len(layout.base)):

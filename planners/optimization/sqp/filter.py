@@ -11,7 +11,7 @@ _REMEMBERED = 20
 
 
 class Filter:
-    """Accepts steps without weighing the objective against the violation."""
+    """Accepts steps without a penalty parameter."""
 
     def __init__(self, most: float) -> None:
         """Accept violations [m] up to `most` only."""
@@ -24,11 +24,11 @@ class Filter:
         del self._pairs[:-_REMEMBERED]
 
     def accepts(self, objective: float, violation: float) -> bool:
-        """Whether a point improves the objective or the violation of every remembered point."""
+        """Whether a point improves the objective or the violation relative to each earlier one."""
         if not violation <= self._most:
             return False
-        # not a generator, which takes longer
-        for before, lacked in self._pairs:
-            if not (violation <= 0.99 * lacked or objective <= before - 1e-3 * violation):
+        # a loop, since a generator takes longer
+        for before, violation_before in self._pairs:
+            if not (violation <= 0.99 * violation_before or objective <= before - 1e-3 * violation):
                 return False
         return True

@@ -11,7 +11,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world.obstacles import Discs
 from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion
-from planners.optimization.sqp.turn_contacts import WIDER
+from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import Window
 
 
@@ -31,7 +31,7 @@ class Iterate:
     """(n,) multiplier of each length: positive at the shortest, negative at the longest."""
     contacts: int = 0
     violation: float = 0.0
-    """Sum of all violations of limits [m]."""
+    """Sum of all constraint violations [m]."""
     objective: float = 0.0
     slope: Array = field(default_factory=lambda: np.empty(3))
     """(3,) gradient of the objective with respect to length and end."""
@@ -40,7 +40,7 @@ class Iterate:
 
 
 def empty_iterate(segments: int, unknowns: int, room: int) -> Iterate:
-    """Memory for an iterate with `room` contacts."""
+    """Memory for an iterate with up to `room` contacts."""
     return Iterate(
         expansion=empty_expansion(segments, unknowns, room),
         x=np.empty(unknowns),
@@ -52,7 +52,7 @@ def empty_iterate(segments: int, unknowns: int, room: int) -> Iterate:
 
 
 class TrialStep(NamedTuple):
-    """A step of the quadratic programme, and what the model predicts of it."""
+    """A step of the quadratic program, and what the model predicts of it."""
 
     p: Array
     """(m,)."""
@@ -61,8 +61,8 @@ class TrialStep(NamedTuple):
     decrease: float
     """Predicted decrease of the objective."""
     gain: float
-    """The same plus the violations removed, at their multipliers: what ends the search when
-    small."""
+    """The decrease plus the removed violations times their multipliers; the search ends when this
+    is small."""
     size: float
     """Size of the step in the norm of the trust region."""
 
@@ -98,8 +98,8 @@ def predict(
 def agreement(here: Iterate, there: Iterate, decrease: float) -> float:
     """Ratio of the actual and the predicted decrease of the objective.
 
-    A step that mainly removes violations is not judged by the objective: for it the ratio is 0.5,
-    and never below a small positive number if it removes a tenth of them.
+    For a step that mainly removes violations the ratio is 0.5. If a step removes at least a tenth
+    of the violations, the ratio is at least 1e-3.
     """
     if decrease <= 1e-4 * here.violation:
         return 0.5
@@ -125,5 +125,5 @@ def layout_of(window: Window, discs: Discs) -> Layout:
         bending_weight=window.bending_weight,
         correction=np.zeros(chain.segments),
         pinned_contacts=np.empty((0, 3)),
-        turn_radius=WIDER * window.turn_radius,
+        turn_radius=RADIUS_FACTOR * window.turn_radius,
     )

@@ -25,12 +25,12 @@ def warm_start_multipliers(
 
     Args:
         old: the chain that the step was computed for.
-        taken: its contacts that were rows of the programme, after those of the lengths.
+        taken: its contacts that were rows of the quadratic program, after the rows of the lengths.
         multipliers: (n + rows,) of the lengths and of those rows.
         new: the chain after the step.
-        contacts: their number there.
-        tension: (n,) filled with the multipliers of the lengths.
-        carried: (room,) filled: each multiplier goes to the nearest contact with the same limit.
+        contacts: number of contacts of `new`.
+        tension: (n,) output, the multipliers of the lengths.
+        carried: (room,) output; each multiplier goes to the nearest contact of the same kind.
     """
     segments = len(tension)
     tension[:] = multipliers[:segments]

@@ -20,15 +20,15 @@ from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 Indices = NDArray[np.int64]
 
-_GROWTH = (1.0 + np.sqrt(17.0)) / 8.0
-"""Least ratio of a diagonal pivot and the largest other entry."""
-_KEPT = 0.3
-"""Part of a negative eigenvalue's size that replaces it, which bounds the step along it."""
+_PIVOT_THRESHOLD = (1.0 + np.sqrt(17.0)) / 8.0
+"""Threshold of Bunch and Parlett for pivots of one row."""
+_NEGATIVE_FRACTION = 0.3
+"""A negative eigenvalue -a is replaced by this fraction of a, which bounds the step along it."""
 
 
 @compiled
 def _raised(value: float, floor: float) -> float:
-    return max(value, _KEPT * abs(value), floor)
+    return max(value, _NEGATIVE_FRACTION * abs(value), floor)
 
 
 @compiled
@@ -50,7 +50,7 @@ def _swap(
 
 @compiled_in_place
 def _pivots(rest: Array, k: int) -> tuple[float, int, float, int, int]:
-    """Largest diagonal entry of the rows from k on and its row; largest other one, its rows."""
+    """Largest diagonal entry and its index, largest other entry and its two, in rows from k on."""
     diagonal = other = -1.0
     d, p, q = k, k, k
     for i in range(k, len(rest)):
@@ -116,7 +116,7 @@ def make_definite(matrix: Array, floor: float, out: Array) -> None:
     k = 0
     while k < n:
         diagonal, d, other, p, q = _pivots(rest, k)
-        if k == n - 1 or diagonal >= _GROWTH * other:
+        if k == n - 1 or diagonal >= _PIVOT_THRESHOLD * other:
             _swap(rest, lower, scaled, order, k, k, d)
             _eliminate_one(rest, lower, scaled, k, floor)
             k += 1

@@ -1,4 +1,4 @@
-"""The planners' solver of windows: searches from many first guesses, certified together.
+"""The planners' solver of windows: searches from many initial guesses, certified together.
 
 Where certification fails, the contacts it finds are pinned and the search is resumed: the exchange
 method of semi-infinite programming, as in `planners.optimization.reference.exchange`. It is seldom
@@ -16,26 +16,26 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from planners.optimization.certification import ROUNDS, Certified, Solution, certify
+from planners.optimization.certification import MAX_SOLVES, Certified, Solution, certify
 from planners.optimization.sqp.elastic_sqp import CONVERGED, ElasticSqp, Search, SearchState
 from planners.optimization.window import Window
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MultiStart:
-    """Elastic sequential quadratic programming from every start.
+    """Elastic sequential quadratic programming from every initial guess.
 
-    The first start is searched first; the others stop where they cannot improve on it. Then the
-    best chain is shifted to both sides, and each shifted chain is searched from: a search is local,
-    and a neighbouring gap is often better.
+    The first guess is optimised first; others are abandoned if they cannot improve on its result.
+    Then the best chain is shifted to both sides and optimised again: a search is local, and passing
+    between neighbouring discs is often shorter.
     """
 
     search: ElasticSqp = field(default_factory=ElasticSqp)
     sidesteps: tuple[float, ...] = (8.0, 16.0)
     """Distances by which the end of the best chain is shifted to both sides [m]."""
     threads: int = 1
-    """Number of threads. Results do not depend on it; more than one does not pay for windows of
-    three segments, whose steps are shorter than a switch of threads."""
+    """Number of threads. Results do not depend on it. More than one does not pay for windows of
+    three segments, whose steps take less time than switching threads."""
 
     def solve(
         self, window: Window, guesses: Sequence[Array], until: float = math.inf
@@ -65,7 +65,7 @@ class MultiStart:
 
 
 def offset_guesses(chain: Array, offset: float) -> list[Array]:
-    """Guesses on both sides of a chain (n, 4, 2), from its start to its end shifted by `offset`."""
+    """A chain (n, 4, 2) sheared to the left and to the right: its end moves by `offset` [m]."""
     along = chain[-1, 1] - chain[0, 0]
     across = np.array([-along[1], along[0]]) / max(float(np.linalg.norm(along)), 1e-9)
     lean = np.linspace(0.0, offset, len(chain) + 1)[:, None] * across
@@ -80,7 +80,7 @@ def _rank(end: Certified) -> float:
 
 
 def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[Certified]:
-    """Search from each guess, certify all ends together, and resume those that fail."""
+    """Search from each guess, certify all results together, and resume those that fail."""
     if not guesses:
         return []
     window = workers[0].window
@@ -91,7 +91,7 @@ def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) ->
     seconds = (time.perf_counter() - began) / len(states)
     ends = []
     for state, chain, clear in zip(states, chains, feasible, strict=True):
-        while not clear and state.rounds < ROUNDS:
+        while not clear and state.rounds < MAX_SOLVES:
             if not (np.isfinite(chain).all() and workers[0].pin_contacts(state, chain)):
                 break
             workers[0].resume(state, bound)
@@ -102,7 +102,7 @@ def _solve(workers: Sequence[Search], guesses: Sequence[Array], bound: float) ->
 
 
 def _search(workers: Sequence[Search], guesses: Sequence[Array], bound: float) -> list[SearchState]:
-    """Search from each guess, the guesses dealt out to the workers in turn."""
+    """Search from each guess; guesses are distributed round-robin to the workers."""
     count = len(workers)
     if count == 1:
         return [workers[0].start(guess, bound) for guess in guesses]

@@ -14,14 +14,14 @@ _SMALLEST = 1e-7
 
 @dataclass(slots=True, eq=False)
 class TrustRegion:
-    """How far and how curved the quadratic model may be."""
+    """Radius of the trust region, and lower bound on the model's curvature."""
 
     radius: float
     """For points [m]; three times as much for derivatives."""
     floor: float
-    """Least curvature of the model [m per square of an unknown]."""
+    """Lower bound on the curvature of the model [m per square of an unknown]."""
     precision: float
-    """Least relative gain that a step must promise for the search to go on."""
+    """Relative predicted gain of a step below which the search stops."""
 
     @property
     def collapsed(self) -> bool:
@@ -29,7 +29,7 @@ class TrustRegion:
         return self.radius < _SMALLEST
 
     def after_failed_model(self) -> None:
-        """Shrink and regularise after a quadratic programme without a solution."""
+        """Shrink and regularise after a quadratic program without a solution."""
         self.radius, self.floor = 0.25 * self.radius, 10.0 * self.floor
 
     def after_failed_restoration(self) -> None:
@@ -40,10 +40,10 @@ class TrustRegion:
         """Shrink below the size of a step that the filter rejected."""
         self.radius = 0.25 * size
 
-    def after_accepted_step(self, ratio: float, size: float, widest: float) -> None:
+    def after_accepted_step(self, ratio: float, size: float, max_radius: float) -> None:
         """Adapt to a step by the ratio of the actual and the predicted decrease."""
         if ratio > 0.75 and size > 0.9 * self.radius:
-            self.radius = min(2.0 * self.radius, widest)
+            self.radius = min(2.0 * self.radius, max_radius)
         elif ratio < 0.25:
             self.radius = 0.5 * size
         elif ratio > 1.1:

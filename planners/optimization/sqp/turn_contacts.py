@@ -1,14 +1,14 @@
-"""Contacts of a chain with a least turn radius, to second order, compiled.
+"""Contacts of a chain with a minimum turn radius, to second order, compiled.
 
 With v the derivative of a segment, s its size and c = v x v', a left turn of radius R or wider has
 s^3 >= R c, and a right turn the same with -c. The quantity that must not fall below zero is
 
     h = (s^3 -+ R c) / (s^2 + 1)    [m per unit t],
 
-which has the same sign as s^3 -+ R c, changes about as fast as v where the turn is wide enough, and
-is smooth where the curve nearly stops. Its local minima over t are contacts, as in
+which has the same sign as s^3 -+ R c, has derivatives of the size of those of v where the turn is
+wide enough, and is smooth where |X'(t)| is nearly zero. Its local minima over t are contacts, as in
 `planners.optimization.sqp.contacts`, and so are sampled parameters where the turn is nearly as
-sharp as the limit: an arc of the least radius touches the limit along its whole length.
+sharp as the limit: an arc of the minimum radius is at the limit along its whole length.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.world.turn_radius import too_sharp_at
-from planners.optimization.sqp.contacts import LOOKS, Integers, Piece, Records, row_weights
+from planners.optimization.sqp.contacts import SAMPLES, Integers, Piece, Records, row_weights
 
 LEFT, RIGHT = -6, -7
-"""Limits of turns to the left and to the right, as in `what` of a contact."""
-WIDER = 1.001
+"""Codes of turns to the left and to the right in the field `what` of a contact."""
+RADIUS_FACTOR = 1.001
 """Factor by which planned turns are wider than the limit: rounding to float32 actions moves ends by
-up to 1e-5 m, which changes the curvature much where a curve is slow."""
-SWING = 4.0
-"""Greatest ratio, approximately, of a step's change of h and its displacement of points."""
+up to 1e-5 m, which can change the curvature considerably where |X'(t)| is small."""
+TURN_RATIO = 4.0
+"""Approximate maximum of (change of h) / (displacement of points) over a step."""
 _NEAR = 0.1
-"""Part of s below which h makes a sampled parameter a contact."""
+"""A sample is a contact if h is below this times s."""
 _LEAST = 1e-9
-"""Second derivatives by t below this count as zero."""
-_T = np.linspace(0.0, 1.0, LOOKS)
+"""Second derivatives with respect to t below this count as zero."""
+_T = np.linspace(0.0, 1.0, SAMPLES)
 
 
 class _Turn(NamedTuple):
@@ -106,13 +106,13 @@ def _move(control: Array, t: float) -> _Motion:
 
 @compiled
 def _rise(turn: _Turn, w: tuple[float, float], z: tuple[float, float]) -> float:
-    """Derivative of h by t."""
+    """Derivative of h with respect to t."""
     return turn.v0 * w[0] + turn.v1 * w[1] + turn.w0 * z[0] + turn.w1 * z[1]
 
 
 @compiled
 def _bend(turn: _Turn, w: tuple[float, float], z: tuple[float, float]) -> float:
-    """Second derivative of h by t."""
+    """Second derivative of h with respect to t."""
     bend = turn.v00 * w[0] * w[0] + 2.0 * turn.v01 * w[0] * w[1] + turn.v11 * w[1] * w[1]
     bend += 2.0 * w[0] * (turn.v0w0 * z[0] + turn.v0w1 * z[1])
     bend += 2.0 * w[1] * (turn.v1w0 * z[0] + turn.v1w1 * z[1])
@@ -121,7 +121,7 @@ def _bend(turn: _Turn, w: tuple[float, float], z: tuple[float, float]) -> float:
 
 @compiled
 def _refine(control: Array, radius: float, low: float, high: float) -> float:
-    """Parameter of the least h between a falling and a rising end."""
+    """Minimiser of h on [low, high], where it falls at `low` and rises at `high`."""
     t = 0.5 * (low + high)
     for _ in range(40):
         v, w, z = _move(control, t)
@@ -168,7 +168,7 @@ def add_turn(
     bend = _bend(turn, w, z)
     if moving and bend > _LEAST:
         contact.drift = 1.0 / bend
-        # derivatives by t of those by v and w
+        # derivatives with respect to t of those with respect to v and w
         v0 = turn.v00 * w[0] + turn.v01 * w[1] + turn.v0w0 * z[0] + turn.v0w1 * z[1]
         v1 = turn.v01 * w[0] + turn.v11 * w[1] + turn.v1w0 * z[0] + turn.v1w1 * z[1]
         w0 = turn.v0w0 * w[0] + turn.v1w0 * w[1]
@@ -191,13 +191,13 @@ def _add_side(
     rise: Array,
 ) -> int:
     """Add the contacts of turns to one side; h and rise (17,) are scratch memory."""
-    last, near = LOOKS - 1, np.empty(LOOKS)
-    for i in range(LOOKS):
+    last, near = SAMPLES - 1, np.empty(SAMPLES)
+    for i in range(SAMPLES):
         v, w, z = _move(piece.control, _T[i])
         turn = _turn(v, w, radius)
         h[i], rise[i] = turn.h, _rise(turn, w, z)
         near[i] = _NEAR * np.sqrt(v[0] * v[0] + v[1] * v[1])
-    for i in range(LOOKS):
+    for i in range(SAMPLES):
         low = i > 0 and rise[i - 1] < 0.0 <= rise[i]
         if low and min(h[i - 1], h[i]) < reach:
             t = _refine(piece.control, radius, _T[i - 1], _T[i])
@@ -218,14 +218,14 @@ def add_turns(
     reach: float,
     pinned: Array,
 ) -> int:
-    """Add a segment's contacts with the least turn radius [m], those with h below the reach.
+    """Add a segment's contacts with the minimum turn radius [m] whose h is below the reach.
 
     Contacts (k, 3) in `pinned` are added at their parameters.
     """
-    h, rise = np.empty(LOOKS), np.empty(LOOKS)
+    h, rise = np.empty(SAMPLES), np.empty(SAMPLES)
     for side in range(2):
         signed, what = (radius, LEFT) if side == 0 else (-radius, RIGHT)
-        count = _add_side(records, gradients, count, piece, signed, SWING * reach, h, rise)
+        count = _add_side(records, gradients, count, piece, signed, TURN_RATIO * reach, h, rise)
         for row in range(len(pinned)):
             if int(pinned[row, 0]) == piece.k and int(pinned[row, 1]) == what:
                 t = pinned[row, 2]

@@ -29,7 +29,7 @@ OF_PLANNERS = {
     f"{EVALUATE} guided+backtrack=1": "unknown option 'backtrack=1'",
     f"{EVALUATE} guided+turn=3+turn=4": "carries an option twice",
     f"{EVALUATE} guided+turn=-1": "a turn radius to keep must be finite and above",
-    f"{EVALUATE} guided+turn=nan": "got nan m; leave it out to turn at will",
+    f"{EVALUATE} guided+turn=nan": "got nan m; omit it to allow any turn",
     f"{EVALUATE} guided+turn=3+sensing=20": "leave one out",
     f"{EVALUATE} multi-start+turn=3": "'multi-start' keeps no turn radius; guided does",
     f"{EVALUATE} guided+sensing=1": "at least the longest segment, 15 m, got 1 m",

@@ -143,7 +143,7 @@ def test_without_a_route_there_is_none_to_tell_of(
     path.write_text(json.dumps(wall))
     assert main(["plan", str(path), "--planner", "shortest"]) == 1
     status, facts = capsys.readouterr().out.splitlines()
-    assert status == "shortest on wall, seed 0: found no way to the goal"
+    assert status == "shortest on wall, seed 0: found no route to the goal"
     assert facts.startswith("0 segments, ")
 
 

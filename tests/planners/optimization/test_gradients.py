@@ -9,20 +9,18 @@ from ferguson_gym.curves.splines import basis
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.transition import initial_state
-from planners.optimization.constraints import ClearanceAt, InsideAt, SpeedAt
 from planners.optimization.initial_guesses import random_chains, straight_ahead
 from planners.optimization.nonlinear_program import Problem
 from planners.optimization.reference.complex_step import ByComplexStep, ComplexStep, complex_step
 from planners.optimization.reference.slsqp import Slsqp
+from planners.optimization.sampled_constraints import ClearanceAt, InsideAt, SpeedAt
 from planners.optimization.window import WindowSettings, final_window, horizon_window
 
 FIELD = get_field("paper:1")
 SETTINGS = WindowSettings()
 
 
-def programme(
-    final: bool, segments: int = 3, window_settings: WindowSettings = SETTINGS
-) -> Problem:
+def program(final: bool, segments: int = 3, window_settings: WindowSettings = SETTINGS) -> Problem:
     make = final_window if final else horizon_window
     problem = make(FIELD, initial_state(FIELD), PAPER_LIMITS, window_settings, segments).sampled()
     t = np.array([0.31, 0.77])
@@ -49,7 +47,7 @@ def random_unknowns(problem: Problem, seed: int) -> np.ndarray:
 def test_analytic_gradients_agree_with_complex_step(
     final: bool, bending_weight: float, seed: int, segments: int
 ) -> None:
-    problem = programme(final, segments, WindowSettings(bending_weight=bending_weight))
+    problem = program(final, segments, WindowSettings(bending_weight=bending_weight))
     x = random_unknowns(problem, seed)
     by_step = ComplexStep(problem)
     for analytic, stepped in (

@@ -27,7 +27,7 @@ def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> 
 
 
 @pytest.mark.parametrize("number", range(1, 5))
-def test_a_window_admits_what_the_sampled_programme_does(number: int) -> None:
+def test_a_window_admits_what_the_sampled_program_does(number: int) -> None:
     field = get_field(f"paper:{number}")
     vehicle = transition.initial_state(field)
     window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)

@@ -12,7 +12,7 @@ from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import State, Status, initial_state
-from planners.optimization.certification import AIM
+from planners.optimization.certification import TARGET_TOLERANCE
 from planners.optimization.initial_guesses import no_guess, random_chains, shifted, straight_ahead
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
@@ -157,7 +157,7 @@ def test_segments_flown_without_actions_keep_their_own_limits(longest: float) ->
     plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
     control = plan.control
-    assert is_feasible(control, field, limits, AIM).all()
+    assert is_feasible(control, field, limits, TARGET_TOLERANCE).all()
     np.testing.assert_array_equal(control[0, 0], field.start)
     np.testing.assert_array_equal(control[0, 2], field.departure)
     np.testing.assert_array_equal(control[1:, (0, 2)], control[:-1, (1, 3)])
@@ -185,7 +185,7 @@ def test_past_its_deadline_a_planner_flies_the_best_it_has(number: int) -> None:
     decision = hasty.decide(field, initial_state(field), 0)
     assert decision.report.cut_short
     if decision.chain is not None:
-        assert is_feasible(decision.chain, field, tolerance=AIM).all()
+        assert is_feasible(decision.chain, field, tolerance=TARGET_TOLERANCE).all()
         better = patient.decide(field, initial_state(field), 0).report
         assert not better.cut_short
         assert better.objective <= decision.report.objective

@@ -31,7 +31,7 @@ from planners.optimization.sqp.turn_contacts import (
 )
 from planners.optimization.window import WindowSettings, final_window
 from planners.receding_horizon.guided import Guided
-from planners.receding_horizon.turn_in import turned
+from planners.receding_horizon.turn_in import turn_in_routes
 from planners.registry import make
 
 PLACE = np.arange(8)
@@ -246,7 +246,7 @@ def test_a_detour_is_flown_where_the_way_is_too_sharp() -> None:
 def test_turned_routes_leave_ahead_on_a_circle_and_meet_the_route(off: float) -> None:
     radius, points = 4.0, np.column_stack([np.linspace(0.0, 60.0, 241), np.zeros(241)])
     heading = np.array([np.cos(off), np.sin(off)])
-    routes = turned(transition.State(np.zeros(2), 5.0 * heading), points, radius)
+    routes = turn_in_routes(transition.State(np.zeros(2), 5.0 * heading), points, radius)
     assert len(routes) == 2
     for route, side in zip(routes, (1.0, -1.0), strict=True):
         steps = np.diff(route, axis=0)
@@ -304,7 +304,7 @@ def test_a_disc_too_near_to_turn_away_from_is_stuck_without_a_flight() -> None:
 def test_solvers_that_know_no_turns_refuse() -> None:
     field = get_field("sparse/train:0")
     planner = Guided(min_turn_radius=3.0, solver=ByExchange())
-    with pytest.raises(ValueError, match=r"knows no turn radius, got 3.0 m; .*MultiStart"):
+    with pytest.raises(ValueError, match=r"has no turn-radius constraint, got 3.0 m; .*MultiStart"):
         planner.decide(field, initial_state(field), 0)
 
 

@@ -17,7 +17,7 @@ from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import CrashedError, Route, State, Status, initial_state
-from planners.optimization.certification import AIM
+from planners.optimization.certification import TARGET_TOLERANCE
 from planners.registry import make
 from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.planner import WholePath
@@ -88,7 +88,7 @@ def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
         route = np.array([[0.0, 0.0], beside, [100.0, 100.0]])
         chain = fit(route, wall, transition.initial_state(wall), PAPER_LIMITS)
         assert chain is not None
-        assert is_feasible(chain, wall, PAPER_LIMITS, AIM).all()
+        assert is_feasible(chain, wall, PAPER_LIMITS, TARGET_TOLERANCE).all()
         middle = chain[:, 1][np.abs(chain[:, 1].sum(axis=1) - 100.0).argmin()]
         assert np.sign(middle[1] - middle[0]) == side
         lengths.append(length(chain).sum())

@@ -8,7 +8,7 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import get_field
 from planners.interface import initial_state
-from planners.optimization.certification import AIM
+from planners.optimization.certification import TARGET_TOLERANCE
 from planners.registry import make
 from planners.whole_path.polish import polish
 from tests.support.quick_planners import quick
@@ -35,7 +35,7 @@ def test_a_horizon_leaves_something_to_polish() -> None:
     flown = make("multi-start").plan(field, initial_state(field), 0).control
     chain = polish(flown, field)
     assert length(chain).sum() < 0.9999 * length(flown).sum()
-    assert is_feasible(chain, field, tolerance=AIM).all()
+    assert is_feasible(chain, field, tolerance=TARGET_TOLERANCE).all()
 
 
 def test_invalid_flights_are_refused() -> None:

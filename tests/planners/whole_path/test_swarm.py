@@ -20,8 +20,8 @@ from planners.whole_path.swarm_objective import (
     ChainObjective,
     Encoding,
     Penalties,
-    by_halves,
     chain_objective,
+    hierarchical_tents,
 )
 
 SWARMS = {"pso": particles, "abc": bees}
@@ -108,7 +108,7 @@ def test_on_the_goal_itself_a_chain_has_no_length() -> None:
 
 def test_halves_are_tents() -> None:
     np.testing.assert_allclose(
-        by_halves(4), [[0.5, 0.625, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.625]]
+        hierarchical_tents(4), [[0.5, 0.625, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.625]]
     )
 
 

@@ -16,7 +16,7 @@ from ferguson_gym.world.obstacles import Discs
 from planners.interface import Plan, Replanner, State, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
-from planners.wrappers.limited_sensing import Sensing, known
+from planners.wrappers.limited_sensing import Sensing, known_field
 
 REACH = 20.0
 FIELDS = ["standard/train:1", "traps/train:0", "traps/train:9"]
@@ -69,7 +69,7 @@ def test_obstacles_in_range_of_the_path_flown_are_known(spec: str) -> None:
     first = np.array(seen_at(field, plan))
     assert isinstance(field.obstacles, Discs)
     for flown, state in enumerate(plan.states):
-        obstacles = known(field, state, REACH).obstacles
+        obstacles = known_field(field, state, REACH).obstacles
         assert isinstance(obstacles, Discs)
         mask = (first >= 0) & (first <= flown)
         np.testing.assert_array_equal(obstacles.centers, field.obstacles.centers[mask])
@@ -79,7 +79,7 @@ def test_obstacles_in_range_of_the_path_flown_are_known(spec: str) -> None:
 def test_the_known_field_stays_the_same_object_until_something_appears() -> None:
     field = get_field("standard/train:1")
     _, plan = sensed(field)
-    shown = [known(field, state, REACH) for state in plan.states]
+    shown = [known_field(field, state, REACH) for state in plan.states]
     for before, after in itertools.pairwise(shown):
         assert (before is after) == (len(before.obstacles) == len(after.obstacles))
 
@@ -108,7 +108,7 @@ def test_every_segment_decided_is_feasible_among_all_obstacles(name: str, reach:
         for state, decision in zip(plan.states, plan.decisions, strict=False):
             if (chain := decision.chain) is not None:
                 assert is_feasible(chain[0], field), field.name
-                assert is_feasible(chain, known(field, state, reach)).all(), field.name
+                assert is_feasible(chain, known_field(field, state, reach)).all(), field.name
                 np.testing.assert_array_equal(chain[1:, 0::2], chain[:-1, 1::2])
 
 
@@ -134,7 +134,7 @@ def test_planning_from_the_middle_of_a_flight_knows_nearby_obstacles() -> None:
     field = get_field("standard/train:1")
     planner, plan = sensed(field)
     vehicle = plan.states[4].vehicle
-    near = known(field, State(vehicle), REACH).obstacles
+    near = known_field(field, State(vehicle), REACH).obstacles
     assert len(near) == (field.obstacles.signed_distance(vehicle.position) <= REACH).sum()
     assert planner.plan(field, State(vehicle), 0).success
 

@@ -15,7 +15,7 @@ from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.interface import Decision, State, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
-from planners.wrappers.safety_margin import Margin, grown
+from planners.wrappers.safety_margin import Margin, grown_field
 
 MARGIN = 0.5
 
@@ -86,7 +86,7 @@ def test_vehicle_start_and_goal_are_never_inside_grown_obstacles() -> None:
     field = get_field("dense/train:0")
     plan = Guided().plan(field, initial_state(field), 0)
     for state in plan.states:
-        shown = grown(field, state, 3.0)
+        shown = grown_field(field, state, 3.0)
         assert isinstance(shown.obstacles, Discs)
         assert isinstance(field.obstacles, Discs)
         by = shown.obstacles.radii - field.obstacles.radii
@@ -102,14 +102,14 @@ def test_vehicle_start_and_goal_are_never_inside_grown_obstacles() -> None:
 def test_the_grown_field_stays_the_same_object_while_nothing_is_near() -> None:
     field = get_field("sparse/train:1")
     plan = make(f"guided+margin={MARGIN}").plan(field, initial_state(field), 0)
-    shown = [grown(field, state, MARGIN) for state in plan.states]
+    shown = [grown_field(field, state, MARGIN) for state in plan.states]
     radii = [s.obstacles.radii for s in shown if isinstance(s.obstacles, Discs)]
     for (before, after), (r, s) in zip(
         itertools.pairwise(shown), itertools.pairwise(radii), strict=True
     ):
         assert (before is after) == np.array_equal(r, s)
     assert sum(before is after for before, after in itertools.pairwise(shown)) >= len(shown) // 2
-    assert grown(field, plan.states[0], 0.0) is field
+    assert grown_field(field, plan.states[0], 0.0) is field
 
 
 class Refusing:

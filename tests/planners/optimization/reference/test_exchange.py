@@ -8,7 +8,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-from planners.optimization.certification import AIM
+from planners.optimization.certification import TARGET_TOLERANCE
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange, broken_rows
 from planners.optimization.reference.slsqp import Slsqp
@@ -30,7 +30,7 @@ def test_exchange_closes_what_samples_miss() -> None:
     (certified,) = ByExchange(Slsqp()).solve(window, [guess])
     assert certified.feasible
     assert certified.rounds > 1
-    assert is_feasible(certified.control, field, tolerance=AIM).all()
+    assert is_feasible(certified.control, field, tolerance=TARGET_TOLERANCE).all()
     assert certified.solution.objective <= float(problem.f(problem.chain.unknowns(sampled))) * 1.01
 
 
@@ -52,4 +52,4 @@ def test_certification_names_the_row_that_is_broken(
     rows = broken_rows(np.array([segment], dtype=float), field, PAPER_LIMITS)
     assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
     for row in rows:
-        assert row.values(np.array([segment], dtype=float)).min() < -AIM
+        assert row.values(np.array([segment], dtype=float)).min() < -TARGET_TOLERANCE

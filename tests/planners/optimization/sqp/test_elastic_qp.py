@@ -1,4 +1,4 @@
-"""One step's quadratic programme: solved to its optimality conditions, or broken gently."""
+"""One step's quadratic program: solved to its optimality conditions, or broken gently."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ LIMITS = np.array([PAPER_LIMITS.shortest, PAPER_LIMITS.longest])
 
 @dataclass
 class Step:
-    """A window's quadratic programme at x, and its solution."""
+    """A window's quadratic program at x, and its solution."""
 
     x: np.ndarray
     box: tuple[np.ndarray, np.ndarray]

@@ -20,14 +20,14 @@ from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State, initial_state
 from planners import interface
-from planners.optimization.certification import AIM, Certified, WindowSolver
+from planners.optimization.certification import TARGET_TOLERANCE, Certified, WindowSolver
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange
 from planners.optimization.reference.slsqp import Slsqp
 from planners.optimization.sqp.elastic_sqp import (
+    ABANDONED,
     CONVERGED,
     DEADLINE,
-    OUTDONE,
     ElasticSqp,
     Search,
     SearchState,
@@ -76,7 +76,10 @@ def assert_honest(window: Window, end: Certified) -> None:
     assert np.isfinite(end.solution.x).all()
     assert math.isfinite(end.solution.objective)
     np.testing.assert_array_equal(window.chain.control(end.solution.x), end.control)
-    assert end.feasible == is_feasible(end.control, window.field, window.limits, AIM).all()
+    assert (
+        end.feasible
+        == is_feasible(end.control, window.field, window.limits, TARGET_TOLERANCE).all()
+    )
     assert 1 <= end.rounds <= 12
     assert 1 <= end.solution.evaluations <= end.evaluations
     assert end.seconds >= 0.0
@@ -172,7 +175,7 @@ def test_patience_costs_nothing_but_time(number: int) -> None:
         hasty = best(MultiStart().solve(task.window, task.guesses))
         ends = patient.solve(task.window, task.guesses)
         assert best(ends) <= hasty + 1e-3 * max(hasty, 1.0)
-        assert OUTDONE not in {end.solution.status for end in ends}
+        assert ABANDONED not in {end.solution.status for end in ends}
 
 
 @pytest.mark.parametrize("at", [4.3, 4.7, 5.5, 9.6, 14.2])
@@ -226,8 +229,8 @@ def test_limits_hold_for_the_certified_length_and_the_whole_curve(
     for end in ends:
         assert_honest(window, end)
         if end.feasible:
-            assert (length(end.control) >= some.shortest - AIM).all()
-            assert (length(end.control) <= some.longest + AIM).all()
+            assert (length(end.control) >= some.shortest - TARGET_TOLERANCE).all()
+            assert (length(end.control) <= some.longest + TARGET_TOLERANCE).all()
 
 
 @pytest.mark.parametrize("final", [False, True])
@@ -293,7 +296,7 @@ def test_certification_adds_the_contacts_it_finds_broken() -> None:
     np.testing.assert_allclose(nearest, [4.7, 4.7], atol=1e-6)
     search.resume(state, math.inf)
     assert state.rounds == 1
-    assert is_feasible(window.chain.control(state.x), field, tolerance=AIM).all()
+    assert is_feasible(window.chain.control(state.x), field, tolerance=TARGET_TOLERANCE).all()
     assert not search.pin_contacts(state, window.chain.control(state.x))
     assert not search.pin_contacts(replace(state, status=DEADLINE), chain)
 

@@ -1,8 +1,8 @@
-"""Solvers of small dense quadratic programmes on those that our solver poses.
+"""Solvers of small dense quadratic programs on those that our solver poses.
 
-Run it from a checkout: `.venv/bin/python benchmarks/quadratic_programmes.py [WINDOWS]`, after
-`pip install quadprog piqp proxsuite`; those that are missing are left out. Programmes are taken
-from windows of flights through standard/train:100 and on. Only programmes whose rows are
+Run it from a checkout: `.venv/bin/python benchmarks/quadratic_programs.py [WINDOWS]`, after
+`pip install quadprog piqp proxsuite`; those that are missing are left out. Programs are taken
+from windows of flights through standard/train:100 and on. Only programs whose rows are
 compatible are timed, since only DAQP has rows that may be broken at a price.
 """
 
@@ -26,7 +26,7 @@ from ferguson_gym.world.field_names import get_fields
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.receding_horizon.paper import RecedingHorizon
 
-Programme = tuple[Array, Array, Array, Array, Array]
+Program = tuple[Array, Array, Array, Array, Array]
 """Hessian (m, m), gradient (m,), slopes (rows, m), upper and lower (m + rows,)."""
 
 
@@ -77,15 +77,15 @@ SOLVERS: dict[str, Callable[..., Array]] = {
 }
 
 
-def take_programmes(windows: int) -> list[Programme]:
-    """Every seventh programme that is posed in some windows, if its rows are compatible."""
-    posed: list[Programme] = []
+def take_programs(windows: int) -> list[Program]:
+    """Every seventh program that is posed in some windows, if its rows are compatible."""
+    posed: list[Program] = []
 
-    def listen(*programme: Any, **options: Any) -> Any:
-        hessian, gradient, slopes, upper, lower, sense = (part.copy() for part in programme)
+    def listen(*program: Any, **options: Any) -> Any:
+        hessian, gradient, slopes, upper, lower, sense = (part.copy() for part in program)
         if daqp.solve(hessian, gradient, slopes, upper, lower, np.zeros_like(sense))[2] == 1:
             posed.append((hessian, gradient, slopes, upper, lower))
-        return daqp.solve(*programme, **options)
+        return daqp.solve(*program, **options)
 
     tasks = take_windows(RecedingHorizon(), get_fields("standard/train:100-199"), windows)
     with patch("planners.optimization.sqp.elastic_qp.daqp") as listener:
@@ -96,39 +96,39 @@ def take_programmes(windows: int) -> list[Programme]:
 
 
 def main(windows: int) -> None:
-    """Time every solver on every programme and print a row for each solver."""
-    programmes = take_programmes(windows)
-    values = np.array([_value(p, by_daqp(*p)) for p in programmes])
-    rows = np.median([len(p[2]) for p in programmes])
+    """Time every solver on every program and print a row for each solver."""
+    programs = take_programs(windows)
+    values = np.array([_value(p, by_daqp(*p)) for p in programs])
+    rows = np.median([len(p[2]) for p in programs])
     table = Table(
-        title=f"{len(programmes)} programmes of {len(programmes[0][1])} unknowns, {rows:.0f} rows "
+        title=f"{len(programs)} programs of {len(programs[0][1])} unknowns, {rows:.0f} rows "
         "in the median"
     )
     for column in ("solver", "median [us]", "95 % [us]", "same value"):
         table.add_column(column, justify="left" if column == "solver" else "right")
     for name, solver in SOLVERS.items():
         try:
-            solver(*programmes[0])
+            solver(*programs[0])
         except ImportError:
             table.add_row(name, "not installed", "", "")
             continue
         took, same = [], 0
-        for programme, value in zip(programmes, values, strict=True):
+        for program, value in zip(programs, values, strict=True):
             began = time.perf_counter()
             try:
-                x = solver(*programme)
+                x = solver(*program)
             except ValueError:  # quadprog, on what it takes for incompatible
-                x = np.full(len(programme[1]), np.nan)
+                x = np.full(len(program[1]), np.nan)
             took.append(1e6 * (time.perf_counter() - began))
-            same += abs(_value(programme, x) - value) <= 1e-6 * max(1.0, abs(value))
+            same += abs(_value(program, x) - value) <= 1e-6 * max(1.0, abs(value))
         middle, high = np.percentile(took, [50, 95])
-        share = f"{100 * same / len(programmes):.1f} %"
+        share = f"{100 * same / len(programs):.1f} %"
         table.add_row(name, f"{middle:.0f}", f"{high:.0f}", share)
     Console(width=100).print(table)
 
 
-def _value(programme: Programme, x: Array) -> float:
-    return float(x @ (0.5 * programme[0] @ x + programme[1]))
+def _value(program: Program, x: Array) -> float:
+    return float(x @ (0.5 * program[0] @ x + program[1]))
 
 
 if __name__ == "__main__":

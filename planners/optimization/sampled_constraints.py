@@ -1,7 +1,9 @@
-"""Constraints of a window: rows that are feasible where >= 0, with exact gradients.
+"""Sampled constraints of a window, for the reference solvers (SLSQP, IPOPT), with exact gradients.
 
-A problem is a list of constraints. Every row belongs to one segment, so that its gradient
-is that segment's (4, D) control gradient.
+Rows are feasible where >= 0. Every row belongs to one segment, so that its gradient is that
+segment's (4, D) control gradient. A `planners.optimization.nonlinear_program.Problem` has a list of
+constraints. The elastic SQP does not use them: its constraints are the contacts of
+`planners.optimization.sqp.contacts`.
 """
 
 from __future__ import annotations
@@ -41,7 +43,7 @@ class LengthBounds:
 
     limits: Limits
     correction: Array
-    """(n,) certified length less quadrature [m], zero but for near-cusps."""
+    """(n,) certified length minus quadrature length [m]; nonzero only near cusps."""
 
     def values(self, control: GenericArray) -> GenericArray:
         """Rows: length - shortest, then longest - length [m]."""
@@ -81,7 +83,7 @@ class SampledClearance:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ClearanceAt:
-    """Signed distance from single obstacles at single parameters, found by certification."""
+    """Signed distance from an obstacle at the parameters where certification found a violation."""
 
     obstacles: Obstacles
     segment: Indices
@@ -109,7 +111,7 @@ class ClearanceAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpeedAt:
-    """|X'(t)| at least `slowest` at single parameters, found by certification."""
+    """|X'(t)| at least `slowest` at the parameters where certification found a violation."""
 
     slowest: float
     """[m per unit t]."""
@@ -133,7 +135,7 @@ class SpeedAt:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class InsideAt:
-    """The point inside the bounds at single parameters, found by certification."""
+    """The point inside the bounds at parameters of segments that certification found outside."""
 
     bounds: Array
     """(2, D) [m]."""
@@ -156,5 +158,5 @@ class InsideAt:
 
 
 def sample_weights(samples: int) -> Array:
-    """Weights (samples - 1, 4) at the paper's parameters: uniform ones less the first, t = 0."""
+    """Weights (samples - 1, 4) at the paper's parameters: uniform parameters without t = 0."""
     return basis(np.linspace(0.0, 1.0, samples)[1:])
