@@ -60,7 +60,12 @@ class Field(ShowsPicture):
                 f"obstacles have {self.obstacles.dimension} dimensions, start and goal {len(start)}"
             )
         bounds = real("bounds", self.bounds)
-        bounds = finite("bounds", bounds, (2,) if bounds.ndim < 2 else (2, len(start)))
+        if bounds.shape not in ((2,), (2, len(start))):
+            raise ValueError(
+                "bounds must be [least, greatest] for all coordinates, or [[least of each], "
+                f"[greatest of each]] with {len(start)} coordinates; got shape {bounds.shape}"
+            )
+        bounds = finite("bounds", bounds, bounds.shape)
         if bounds.ndim == 1:
             bounds = np.repeat(bounds[:, None], len(start), axis=1)
         if (bounds[0] >= bounds[1]).any():

@@ -46,7 +46,9 @@ def get_fields(spec: str) -> Iterator[Field]:
     except OSError:  # a name too long for a file
         files = None
     if files == []:
-        raise ValueError(f"no JSON files in directory {truncate_repr(spec, _PATH)}")
+        deeper = next(iter(sorted(path.glob("*/*.json"))), None)
+        hint = "" if deeper is None else f"; there are some one level deeper, in {deeper.parent}"
+        raise ValueError(f"no JSON files in directory {truncate_repr(spec, _PATH)}{hint}")
     if files is not None:
         return map(from_json, files)
     match = _NAMED.fullmatch(spec)

@@ -84,6 +84,13 @@ def test_an_empty_directory_is_refused(tmp_path):
         get_fields(str(tmp_path))
 
 
+def test_files_one_level_deeper_are_pointed_out(tmp_path):
+    (tmp_path / "inner").mkdir()
+    (tmp_path / "inner" / "one.json").write_text("{}")
+    with pytest.raises(ValueError, match=f"one level deeper, in {tmp_path}/inner$"):
+        get_fields(str(tmp_path))
+
+
 @pytest.mark.parametrize(
     ("spec", "message"),
     [
