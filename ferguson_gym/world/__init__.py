@@ -1,9 +1,9 @@
 """Problem definition: fields of obstacles, limits, actions, feasibility and outcomes.
 
-A `Field` has `Obstacles` (so far `Discs`), start, goal and bounds; `get_field` and `get_fields` find
-fields by name, and a `FieldPool` has those from which resets draw. `encode` and `decode` translate
-between segments and actions, `inspect` and `is_feasible` certify segments, and `advance` flies one
-action from a `State` to the next.
+A `Field` has `Obstacles` (so far `Discs`), start, goal and bounds; `get_field` and `get_fields`
+find fields by name, and a `FieldPool` has those from which resets draw. `encode` and `decode`
+translate between segments and actions, `inspect` and `is_feasible` certify segments, and `advance`
+flies one action from a `State` to the next.
 """
 
 from ferguson_gym.world.actions import Action as Action
