@@ -42,7 +42,6 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     Raises:
         ValueError: the policy, the field or the file is not valid.
     """
-    from agents.cli.compile_notice import announce_compilation
     from agents.flights import fly
     from agents.plots.animation.animation import animate
     from agents.plots.animation.gif import SUFFIX
@@ -60,8 +59,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     check_target(options.out, "animation", [SUFFIX])
 
     def job() -> None:
-        with announce_compilation(terminal):
-            flight = fly(options.policy, field, options.seed)
+        flight = fly(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
             frames = animate(flight, options.out, progress)
         terminal.show(

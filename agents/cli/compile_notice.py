@@ -1,30 +1,40 @@
-"""Announces first-run compilation, during which a command would seem to hang."""
+"""Announces first-run compilation, during which a command would seem to hang, as commands do."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import logging
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from numba.core import event
+from agents.runtime.terminal import Terminal
+from ferguson_gym.runtime import compilation
 
-from agents.runtime.terminal import COMPILING, Terminal
 
+class _Notes(logging.Handler):
+    def __init__(self, terminal: Terminal, warn: Callable[[str], None]) -> None:
+        super().__init__()
+        self._terminal, self._warn = terminal, warn
 
-class _First(event.Listener):  # loading code that is compiled already is no event
-    def __init__(self, terminal: Terminal) -> None:
-        self._terminal: Terminal | None = terminal
-
-    def on_start(self, event: object) -> None:
-        terminal, self._terminal = self._terminal, None
-        if terminal is not None:
-            terminal.note(COMPILING)
-
-    def on_end(self, event: object) -> None:
-        pass
+    def emit(self, record: logging.LogRecord) -> None:
+        if record.name == compilation.__name__:
+            self._terminal.note(record.getMessage())
+        else:
+            self._warn(record.getMessage())
 
 
 @contextmanager
-def announce_compilation(terminal: Terminal) -> Iterator[None]:
-    """Print one note if the block compiles in this process; for blocks without a progress bar."""
-    with event.install_listener("numba:compile", _First(terminal)):
+def announce_compilation(terminal: Terminal, warn: Callable[[str], None]) -> Iterator[None]:
+    """Print what the package reports of its compilation in the block.
+
+    Args:
+        terminal: prints the notice that kernels are compiled, unless it is quiet.
+        warn: prints warnings.
+    """
+    logger, handler = logging.getLogger(compilation.PACKAGE), _Notes(terminal, warn)
+    before, logger.propagate = logger.propagate, False
+    logger.addHandler(handler)
+    try:
         yield
+    finally:
+        logger.removeHandler(handler)
+        logger.propagate = before

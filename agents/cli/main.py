@@ -12,9 +12,13 @@ import io
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.jobs import DONE, Job
+
+if TYPE_CHECKING:
+    from agents.runtime.terminal import Terminal
 
 BAD_INPUT, INTERRUPTED = 2, 130
 _RESUMABLE = ("demos", "evaluate", "train")
@@ -63,9 +67,17 @@ def _do(parser: argparse.ArgumentParser, arguments: Sequence[str] | None) -> int
         options = parser.parse_args(arguments)
     except SystemExit as stop:  # --help, --version, or a command line that was refused
         return int(stop.code or 0)
-    from agents.cli.shared_options import RESUME_NOTE, make_terminal
+    from agents.cli.compile_notice import announce_compilation
+    from agents.cli.shared_options import make_terminal
 
     terminal = make_terminal(options)
+    with announce_compilation(terminal, _warn):
+        return _prepare_and_do(options, terminal)
+
+
+def _prepare_and_do(options: argparse.Namespace, terminal: Terminal) -> int:
+    from agents.cli.shared_options import RESUME_NOTE
+
     try:
         job: Job = options.prepare(options, terminal)
     except (ValueError, OSError) as error:
@@ -104,11 +116,15 @@ def _silence_output() -> None:
 
 
 def _show_warning(message: Warning | str, *_: object, **__: object) -> None:
-    _say(f"warning: {' '.join(str(message).split())}")
+    _warn(str(message))
+
+
+def _warn(text: str) -> None:
+    _say(f"warning: {' '.join(text.split())}")
 
 
 def _parser() -> argparse.ArgumentParser:
-    from agents.cli import animate, bench, completion, demos, evaluate, plan, train
+    from agents.cli import animate, bench, compile_ahead, completion, demos, evaluate, plan, train
     from agents.cli.arguments import Parser
     from ferguson_gym import __version__
     from ferguson_gym.world.field_names import GRAMMAR
@@ -121,8 +137,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"ferguson {__version__}")
     completion.add_to(parser)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for module in (plan, evaluate, animate, demos, train, bench):
-        name = module.__name__.rpartition(".")[2]
+    modules = (plan, evaluate, animate, demos, train, bench)
+    named = [(module.__name__.rpartition(".")[2], module) for module in modules]
+    for name, module in (*named, ("compile", compile_ahead)):
         texts = {"help": module.HELP, "description": module.DESCRIPTION, "epilog": module.EPILOG}
         module.add_to(commands.add_parser(name, **texts))
     return parser

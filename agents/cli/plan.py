@@ -95,7 +95,6 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         ValueError: the planner, the field or a file to write is not valid.
     """
     from agents.cli import plan_report
-    from agents.cli.compile_notice import announce_compilation
     from agents.flights.path_file import SUFFIXES
     from agents.models import shipped_agents
     from agents.plots.flight_grid import check_target
@@ -136,8 +135,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         raise ValueError(f"--spacing {distance:g} is for --out FILE, which is missing")
 
     def job() -> int:
-        with announce_compilation(terminal):
-            planner = warm(name)
+        planner = warm(name)
         with defer_interrupt():
             report = plan_report.plan(
                 planner, name, field, options.seed, reference=options.reference

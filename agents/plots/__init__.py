@@ -4,3 +4,7 @@
 fields, and `animation` animates a flight, decision by decision. Importing this folder alone does
 not load matplotlib.
 """
+
+from ferguson_gym.runtime.cache_directory import find_matplotlib_cache
+
+find_matplotlib_cache()

@@ -25,6 +25,7 @@ from agents.runtime import registrations
 from agents.runtime.interrupts import defer_interrupt, shield_new_processes
 from agents.runtime.registrations import Registrations
 from agents.runtime.safe_npz import reason
+from ferguson_gym.runtime.compilation import PACKAGE
 from ferguson_gym.runtime.optional_dependencies import installing
 
 PROCESSES, DASK = "processes", "dask"
@@ -116,6 +117,7 @@ def _call_in_worker(
 ) -> Any:
     if not _watched.is_set():
         _watched.set()
+        logging.getLogger(PACKAGE).setLevel(logging.ERROR)  # the first process announces it
         threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     registrations.adopt(planners)
     return function(*given, **named)

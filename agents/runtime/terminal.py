@@ -18,9 +18,10 @@ from rich.progress import (
 )
 from rich.text import Text
 
+from ferguson_gym.runtime.compilation import COMPILING
+
 WIDTH = 120
 """Width of tables without a terminal, in columns."""
-COMPILING = "compiling numerical kernels, on the first run only: a minute or two"
 _HINT_AFTER = 5.0
 """Seconds without a finished part, after which a bar shows the hint `COMPILING`."""
 

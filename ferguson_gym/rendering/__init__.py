@@ -5,6 +5,11 @@ returns; `plot_field` and `plot_path` also on pyplot's current axes. `Viewer` dr
 running flight, and `RecordVideo` writes them to files.
 """
 
+from ferguson_gym.runtime.cache_directory import find_matplotlib_cache
+
+find_matplotlib_cache()
+
+# ruff: noqa: E402 (matplotlib reads its settings when it is imported)
 from ferguson_gym.rendering.drawing import draw_field as draw_field
 from ferguson_gym.rendering.drawing import draw_path as draw_path
 from ferguson_gym.rendering.drawing import draw_refused as draw_refused

@@ -21,6 +21,9 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
+from ferguson_gym.runtime import compilation
+from ferguson_gym.runtime.cache_directory import with_cache
+
 F = TypeVar("F", bound=Callable[..., object])
 T = TypeVar("T")
 
@@ -85,6 +88,9 @@ class Sources:
 _SOURCES = Sources(Path(__file__).parents[__name__.count(".")])
 
 
+compilation.watch(PACKAGES)
+
+
 def compiled(function: F) -> F:
     """Compile a function to machine code on first use and cache it beside its module.
 
@@ -106,7 +112,12 @@ def compiled_in_place(function: F) -> F:
 
 def _jit(function: F, **options: Any) -> F:
     function.__qualname__ = f"{function.__qualname__}-{_SOURCES.digest(function.__module__)}"
-    return cast(F, numba.njit(cache=True, error_model="numpy", **options)(function))
+    # nothing calls kernels from C
+    options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
+    return with_cache(
+        lambda cache: cast(F, numba.njit(cache=cache, **options)(function)),
+        function.__code__.co_filename,
+    )
 
 
 @intrinsic

@@ -233,7 +233,7 @@ class BatchSimulator:
             if self._helpers is None:
                 self._helpers = self._start_helpers()
             self._helpers.wake()
-        step_kernel.advance(self._plain_buffers, self._counters)
+        step_kernel.advance(self._plain_buffers, self._counters, step_kernel.FROM_FRONT, 0)
 
     def __getstate__(self) -> dict[str, Any]:
         """The flights and what they fly next; neither drawn fields nor threads."""
@@ -277,7 +277,7 @@ class BatchSimulator:
         buffers, counters = self._plain_buffers, self._counters
         threads = min(numba.get_num_threads(), self.number // step_kernel.CHUNK)
         return HelperThreads(
-            lambda: step_kernel.help_out(buffers, counters, step_kernel.FROM_BACK, SPIN_LIMIT),
+            lambda: step_kernel.advance(buffers, counters, step_kernel.FROM_BACK, SPIN_LIMIT),
             threads - 1,
         )
 

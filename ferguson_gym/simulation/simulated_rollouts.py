@@ -82,7 +82,8 @@ class SimulatedRollouts:
     def step(self, actions: Action) -> None:
         """Fly one action each: (n, 4) in [-1, 1]."""
         self._buffers.actions[:] = actions
-        step_kernel.advance(as_plain_tuple(self._buffers), self._counters)
+        buffers = as_plain_tuple(self._buffers)
+        step_kernel.advance(buffers, self._counters, step_kernel.FROM_FRONT, 0)
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
         """Let only the chosen (n,) of the active rollouts stay active."""

@@ -197,11 +197,17 @@ def _claimed(counter: int) -> int:
 
 
 @compiled_without_lock
-def help_out(given: PlainTuple, counters: Counters, claim: int, patience: int) -> None:
-    """Step vehicles as long as any are left, claiming chunks FROM_FRONT or FROM_BACK.
+def advance(given: PlainTuple, counters: Counters, claim: int, patience: int) -> None:
+    """Step every vehicle. The thread that leads claims FROM_FRONT, those that help FROM_BACK.
 
-    Return when the counter was polled `patience` times in a row without a chunk to claim.
+    The leading thread returns when every vehicle was stepped; helping ones return when they have
+    polled the counter `patience` times in a row without a chunk to claim. Both are one function,
+    since each function that contains the step takes seconds to compile.
     """
+    leads = claim == FROM_FRONT
+    if leads:
+        put(counters, DONE, 0)
+        put(counters, CLAIMED, 0)
     buffers = unowned(as_buffers(given))  # the caller holds them
     owned = make_scratch((0, 1), buffers.fields.discs.shape[2])
     scratch = unowned(owned)
@@ -214,7 +220,7 @@ def help_out(given: PlainTuple, counters: Counters, claim: int, patience: int) -
             before = add(counters, CLAIMED, claim)
             if _claimed(before) < chunks:
                 front, back = before % FROM_BACK, before // FROM_BACK
-                chunk = front if claim == FROM_FRONT else chunks - 1 - back
+                chunk = front if leads else chunks - 1 - back
                 last = min((chunk + 1) * CHUNK, number)
                 for i in range(chunk * CHUNK, last):
                     if i + 1 < last:
@@ -223,16 +229,7 @@ def help_out(given: PlainTuple, counters: Counters, claim: int, patience: int) -
                 add(counters, DONE, 1)
                 idle = 0
     owned.work[0, 0] = 0.0  # a last use, which keeps the memory of `scratch` alive until here
-
-
-@compiled_without_lock
-def advance(given: PlainTuple, counters: Counters) -> None:
-    """Step every vehicle; other threads may call `help_out` meanwhile."""
-    put(counters, DONE, 0)
-    put(counters, CLAIMED, 0)
-    help_out(given, counters, FROM_FRONT, 0)
-    chunks = (len(as_buffers(given).actions) + CHUNK - 1) // CHUNK
-    while get(counters, DONE) < chunks:
+    while leads and get(counters, DONE) < chunks:
         pass
 
 

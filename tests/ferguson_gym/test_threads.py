@@ -33,8 +33,7 @@ def compiled() -> None:
     envs = VectorObstacleField(70, fields=1)
     envs.reset(seed=0)
     job = envs._simulator._plain_buffers
-    step_kernel.advance(job, new_counters())
-    step_kernel.help_out(job, new_counters(), step_kernel.FROM_BACK, 0)
+    step_kernel.advance(job, new_counters(), step_kernel.FROM_FRONT, 0)
 
 
 def flown(number: int, seed: int = 0, **arguments: Any) -> bytes:
@@ -174,7 +173,7 @@ def test_a_step_waits_for_pieces_that_others_have_begun() -> None:
         before, helper = late[0], threading.Thread(target=help_late)
         envs._simulator._draw_ahead(envs._simulator._all, envs._streams)
         helper.start()
-        step_kernel.advance(job, counters)
+        step_kernel.advance(job, counters, step_kernel.FROM_FRONT, 0)
         waited = late[0] > before
         helper.join()
         assert waited == (late[0] > before)

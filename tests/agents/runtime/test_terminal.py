@@ -3,6 +3,7 @@
 import argparse
 import io
 import json
+import logging
 import re
 import resource
 import shlex
@@ -11,7 +12,6 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-import numba
 import pytest
 from rich.console import Console
 
@@ -19,8 +19,9 @@ from agents.cli import compile_notice
 from agents.cli.main import _parser, main
 from agents.evaluation.statistics import summarise
 from agents.evaluation.tables import of_summary
-from agents.runtime import terminal
+from agents.runtime import executors, terminal
 from agents.runtime.terminal import Terminal
+from ferguson_gym.runtime import cache_directory, compilation
 from tests.support.written_results import write_results
 
 PROGRAM = [sys.executable, "-m", "agents.cli.main"]
@@ -135,14 +136,39 @@ def test_a_waiting_bar_shows_the_compilation_hint(monkeypatch: pytest.MonkeyPatc
         assert hint.render(bar.tasks[flights]).plain == ""
 
 
-def test_the_first_compilation_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("quiet", [False, True])
+def test_commands_print_what_the_package_reports_of_its_compilation(
+    quiet: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
     monkeypatch.setattr(sys, "stderr", io.StringIO())
-    with compile_notice.announce_compilation(Terminal()):
-        for number in (1.0, 2):
-            numba.njit(lambda x: x)(number)
-    assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"
-    numba.njit(lambda x: x)(number)
-    assert sys.stderr.getvalue() == f"{terminal.COMPILING}\n"
+    warned: list[str] = []
+    with compile_notice.announce_compilation(Terminal(quiet=quiet), warned.append):
+        logging.getLogger(compilation.__name__).warning(compilation.COMPILING)
+        logging.getLogger(cache_directory.__name__).warning("not cached")
+    assert sys.stderr.getvalue() == ("" if quiet else f"{compilation.COMPILING}\n")
+    assert warned == ["not cached"]
+    assert caplog.record_tuples == []
+    logging.getLogger(compilation.__name__).warning("afterwards")
+    assert caplog.messages == ["afterwards"]
+
+
+def test_workers_do_not_announce_what_the_first_process_does() -> None:
+    with executors.map_in_processes([(logger_level, (), {})] * 2, 2) as levels:
+        assert list(levels) == [logging.ERROR] * 2
+    assert logger_level() == logging.NOTSET
+
+
+def logger_level() -> int:
+    return logging.getLogger(compilation.PACKAGE).level
+
+
+def test_kernels_are_compiled_ahead(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["compile", "--policy", "shortest", "-q"]) == 0
+    out, err = capsys.readouterr()
+    assert re.fullmatch(r"kernels are ready after \d+\.\d s\n", out)
+    assert err == ""
+    assert main(["compile", "--policy", "shortets"]) == 2
+    assert "shortest" in capsys.readouterr().err
 
 
 def test_quiet_leaves_results_and_json_is_all_there_is(
