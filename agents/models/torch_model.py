@@ -102,14 +102,61 @@ def save(directory: Path, model: BaseAlgorithm, card: ModelCard) -> None:
     added to it as arrays, which flights read without torch.
 
     Raises:
-        ValueError: The card has a number that is not finite; nothing is written.
+        ValueError: The card describes another network, or has a number that is not finite; nothing
+            is written.
     """
     card.to_json()  # raises before anything is written
+    _check_described(model.policy, card)
     with atomic_write(directory / MODEL) as temporary:
         model.save(temporary, exclude=_NOT_DATA)
         with zipfile.ZipFile(temporary, "a") as archive:
             weights.write(archive, TorchModel(model.policy, card).weights)
     write_card(directory, card)
+
+
+def _check_described(policy: BasePolicy, card: ModelCard) -> None:
+    """Check that the network that a card describes flies as a policy does.
+
+    Raises:
+        ValueError: The card describes no network or another one.
+    """
+    with torch.random.fork_rng(devices=[]):  # a training goes on with the same random numbers
+        described = build(card, "the card describes no network: ")
+    found, expected = _shapes(policy), _shapes(described)
+    if policy.observation_space != described.observation_space:
+        why = "it has other observations"
+    elif found != expected:
+        name = sorted(name for name, _ in found.items() ^ expected.items())[0]
+        why = f"the shape of {name} is {found.get(name)} and should be {expected.get(name)}"
+    elif not _acts_alike(policy, described):
+        why = "with the same weights it chooses other actions"
+    else:
+        return
+    raise ValueError(
+        f"the card describes another network, of policy {card.policy!r}: {why}; make the model "
+        "with policy_class and sb3_policy_kwargs of agents.models.networks, or correct the card"
+    )
+
+
+def _shapes(policy: BasePolicy) -> dict[str, tuple[int, ...]]:
+    return {name: tuple(value.shape) for name, value in policy.state_dict().items()}
+
+
+def _acts_alike(policy: BasePolicy, described: BasePolicy) -> bool:
+    """Whether two policies choose the same actions once they have the same weights."""
+    described.load_state_dict(policy.state_dict())
+    described.observation_space.seed(0)
+    samples = [described.observation_space.sample() for _ in range(BLOCK)]
+    seen = {key: torch.as_tensor(np.stack([one[key] for one in samples])) for key in samples[0]}
+    chosen = []
+    for one in (policy, described):
+        training = one.training
+        one.set_training_mode(False)
+        with torch.no_grad():
+            chosen.append(one._predict(seen, deterministic=True))
+        one.set_training_mode(training)
+    mine, theirs = chosen
+    return torch.allclose(mine, theirs, rtol=1e-4, atol=1e-5, equal_nan=True)
 
 
 def export(source: Path, directory: Path) -> None:

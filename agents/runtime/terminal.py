@@ -18,12 +18,14 @@ from rich.progress import (
 )
 from rich.text import Text
 
-from ferguson_gym.runtime.compilation import COMPILING
+from agents.runtime.progress_lines import ProgressLines
 
 WIDTH = 120
 """Width of tables without a terminal, in columns."""
+HINT = "(is it compiling, on the first run?)"
+"""Shown where worker processes, which announce nothing, may be compiling."""
 _HINT_AFTER = 5.0
-"""Seconds without a finished part, after which a bar shows the hint `COMPILING`."""
+"""Seconds without a finished part, after which a bar shows the hint."""
 
 
 def silence(stream: TextIO) -> None:
@@ -48,11 +50,11 @@ class _CompilationHint(ProgressColumn):
 
     def render(self, task: Task) -> Text:
         waits = not task.completed and (task.elapsed or 0.0) > _HINT_AFTER
-        return Text(f"({COMPILING}?)" if waits else "")
+        return Text(HINT if waits else "")
 
 
 class Terminal:
-    """Results, notes and progress bars of one command."""
+    """Results, notes and progress bars of one command; lines where no bar can be drawn."""
 
     def __init__(self, *, quiet: bool = False, colour: bool = True, as_json: bool = False) -> None:
         """Set up the output; by default everything is shown.
@@ -94,21 +96,25 @@ class Terminal:
     def share_bar(self) -> Progress:
         """Progress bar with the percentage done, for work without parts."""
         percentage = TextColumn("{task.percentage:.0f}%")
-        return self._progress(BarColumn(), percentage, TimeElapsedColumn())
+        return self._progress(BarColumn(), percentage, TimeElapsedColumn(), counts=False)
 
     def still_bar(self) -> Progress:
         """Progress bar for timed parts, which a thread that draws would disturb: on `refresh`."""
         columns = (BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
         return self._progress(*columns, auto_refresh=False)
 
-    def _progress(self, *columns: object, auto_refresh: bool = True) -> Progress:
+    def _progress(
+        self, *columns: object, auto_refresh: bool = True, counts: bool = True
+    ) -> Progress:
         err = self._err
+        # a bar cannot be erased from a file or a dumb terminal
+        if not self.quiet and (not err.is_terminal or err.is_dumb_terminal):
+            return ProgressLines(self.note, counts=counts, threaded=auto_refresh)
         return Progress(
             TextColumn("{task.description}"),
             *columns,  # type: ignore[arg-type]
             console=err,
             auto_refresh=auto_refresh,
             transient=True,
-            # a bar cannot be erased from a file or a dumb terminal
-            disable=self.quiet or not err.is_terminal or err.is_dumb_terminal,
+            disable=self.quiet,
         )

@@ -102,7 +102,8 @@ class TrainingRecord:
     def finish(self) -> ModelCard:
         """Evaluate the best model on the fields of the report, and make it the final model."""
         best = loading.load(self._best)
-        with defer_interrupt():
+        with defer_interrupt(), self._run.terminal.share_bar() as bar:
+            bar.add_task("evaluating the best model", total=None)
             found = score(fly_batch(best, get_fields(self._run.reported_on)))
         reported = {"reported_on": _format_results(self._run.reported_on, found)}
         results = {**best.card.results, **reported}

@@ -36,6 +36,11 @@ class ObstacleFieldVecEnv(VecEnv):
     """
 
     def __init__(self, num_envs: int, **arguments: Any) -> None:
+        if isinstance(num_envs, Sequence):  # `make_vec_env` passes functions that make environments
+            raise TypeError(
+                f"{type(self).__name__} makes its environments itself, and make_vec_env does not "
+                f"apply to it; call VecMonitor({type(self).__name__}({len(num_envs)}, **arguments))"
+            )
         mode = AutoresetMode.SAME_STEP
         check_arguments(arguments, type(self).__name__, "num_envs", "render_mode")
         self.envs = VectorObstacleField(num_envs, autoreset_mode=mode, **arguments)

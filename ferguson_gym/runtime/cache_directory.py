@@ -14,12 +14,13 @@ import tempfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numba
 
 T = TypeVar("T")
 
+_config: Any = numba.config
 _unusual: set[str] = set()
 """Where kernels of this process are cached that could not be cached in the usual places."""
 _NOWHERE = ""
@@ -43,7 +44,7 @@ def with_cache(decorate: Callable[[bool], T], source: str) -> T:
         except RuntimeError:  # Numba found no place that it can write
             pass
     if (place := private_directory()) is not None:
-        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, str(place / "numba")
+        before, _config.CACHE_DIR = _config.CACHE_DIR, str(place / "numba")
         try:
             function = decorate(True)
             _unusual.add(str(place))
@@ -51,7 +52,7 @@ def with_cache(decorate: Callable[[bool], T], source: str) -> T:
         except RuntimeError:
             pass
         finally:
-            numba.config.CACHE_DIR = before
+            _config.CACHE_DIR = before
     _unusual.add(_NOWHERE)
     return decorate(False)
 
@@ -77,7 +78,7 @@ def _usual_places(source: str) -> bool:
 
     Without a home it would make a directory named ~ where the program happens to run.
     """
-    if numba.config.CACHE_DIR or "XDG_CACHE_HOME" in os.environ or _home() is not None:
+    if _config.CACHE_DIR or "XDG_CACHE_HOME" in os.environ or _home() is not None:
         return True
     return _can_write(Path(source).parent / "__pycache__")
 

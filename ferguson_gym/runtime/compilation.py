@@ -67,4 +67,5 @@ class Compilation(event.Listener):
 
 def watch(packages: Collection[str]) -> None:
     """Announce the first compilation of these packages' kernels in this process."""
-    event.register("numba:compile", Compilation(packages))  # loading from a cache is no event
+    # loading from a cache is no event
+    event.register("numba:compile", Compilation(packages))  # type: ignore[no-untyped-call]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from pathlib import Path
 
 
 def require(planner: str, module: str, library: str) -> None:
@@ -16,5 +17,7 @@ def require(planner: str, module: str, library: str) -> None:
 
 
 def installing(extra: str) -> str:
-    """The command that installs an extra of this project, in its checkout, as the README has it."""
-    return f".venv/bin/pip install --editable '.[{extra}]'"
+    """The command that installs an extra of this project, in a checkout as the README has it."""
+    if (Path(__file__).parents[2] / "pyproject.toml").is_file():
+        return f".venv/bin/pip install --editable '.[{extra}]'"
+    return f"pip install 'ferguson-gym[{extra}]'"

@@ -16,7 +16,7 @@ from stable_baselines3 import PPO
 
 from agents.models import loading, networks, torch_model
 from agents.models.mixture import MAX_STD, MIN_STD, Mixture, MixturePolicy
-from agents.models.model_card import ModelCard
+from agents.models.model_card import ModelCard, write_card
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
 COMPONENTS, SIZE = 3, 4
@@ -181,7 +181,10 @@ def test_the_library_s_own_copy_of_a_policy_is_the_same(tmp_path: Path) -> None:
 
 
 def test_other_numbers_of_components_are_not_loaded(tmp_path: Path) -> None:
-    torch_model.save(tmp_path, learner(card_of(3)), card_of(4))
+    with pytest.raises(ValueError, match="the card describes another network"):
+        torch_model.save(tmp_path, learner(card_of(3)), card_of(4))
+    torch_model.save(tmp_path, learner(card_of(3)), card_of(3))
+    write_card(tmp_path, card_of(4))
     with pytest.raises(ValueError, match="its weights are not those of the network"):
         loading.load(tmp_path)
 

@@ -11,11 +11,14 @@ import pytest
 pytest.importorskip("sb3_contrib")
 
 import torch
+from stable_baselines3 import PPO
 
 from agents.flights.batched import fly_batch
-from agents.models import loading, torch_model, weights
+from agents.models import loading, networks, torch_model, weights
 from agents.models.inference.forward import CompiledNetwork
+from agents.models.model_card import ModelCard
 from agents.models.torch_model import BLOCK, TorchModel, TorchNetwork, one_thread
+from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.runtime.arrays import GenericArray
 from ferguson_gym.world.field_names import get_fields
 from tests.support.small_models import ALGORITHMS, DISCS, RAYS, card_of, learned, saved
@@ -81,6 +84,37 @@ def test_a_saved_model_is_read_back_here_and_by_the_library(algorithm: str, tmp_
     kept = ALGORITHMS[algorithm].load(tmp_path / "model.zip", device="cpu").policy
     for one, other in zip(loaded.policy.parameters(), kept.parameters(), strict=True):
         assert torch.equal(one, other)
+
+
+PLAIN_MODELS = {
+    "the library's features": ({}, {}, "the shape of mlp_extractor.policy_net.0.weight is"),
+    "another activation": (
+        {"policy_kwargs": networks.sb3_policy_kwargs("mlp", {"activation_fn": "relu"})},
+        {},
+        "with the same weights it chooses other actions",
+    ),
+    "another observation": ({}, {"observation": "rays", "rays": 9}, "it has other observations"),
+    "a name of the library": ({}, {"policy": "MultiInputPolicy"}, "unknown policy 'MultiInputP"),
+}
+
+
+@pytest.mark.parametrize("case", PLAIN_MODELS)
+def test_a_model_that_its_card_does_not_describe_is_refused_when_it_is_saved(
+    case: str, tmp_path: Path
+) -> None:
+    arguments, changes, message = PLAIN_MODELS[case]
+    changes = dict(changes)
+    policy = changes.pop("policy", "mlp")
+    seen = {"observation": "discs", "nearest": 4}
+    model = PPO(
+        "MultiInputPolicy", ObstacleFieldVecEnv(1, fields=1, **seen), device="cpu", **arguments
+    )
+    card = ModelCard(algorithm="ppo", policy=policy, policy_kwargs={}, environment=changes or seen)
+    before = torch.get_rng_state()
+    with pytest.raises(ValueError, match=message):
+        torch_model.save(tmp_path, model, card)
+    assert torch.equal(torch.get_rng_state(), before)
+    assert list(tmp_path.iterdir()) == []
 
 
 def without_arrays(directory: Path) -> None:

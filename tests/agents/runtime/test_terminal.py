@@ -131,7 +131,7 @@ def test_a_waiting_bar_shows_the_compilation_hint(monkeypatch: pytest.MonkeyPatc
         (hint,) = [
             column for column in bar.columns if isinstance(column, terminal._CompilationHint)
         ]
-        assert terminal.COMPILING in hint.render(bar.tasks[flights]).plain
+        assert terminal.HINT in hint.render(bar.tasks[flights]).plain
         bar.advance(flights)
         assert hint.render(bar.tasks[flights]).plain == ""
 

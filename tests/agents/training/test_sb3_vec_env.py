@@ -13,6 +13,7 @@ from ferguson_gym.world.obstacles import Discs
 
 pytest.importorskip("stable_baselines3")
 
+from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize
 
@@ -96,6 +97,12 @@ def test_steps_equal_those_of_a_dummy_vec_env(flat: bool, kind: str) -> None:
         # seeds and options are used up by one reset
         assert_same(mine.reset(), theirs.reset())
     assert min(ends.values()) >= 3
+
+
+def test_the_library_s_maker_of_environments_is_refused_with_what_to_call() -> None:
+    message = r"make_vec_env does not apply to it; call VecMonitor\(ObstacleFieldVecEnv\(3, "
+    with pytest.raises(TypeError, match=message):
+        make_vec_env("ferguson/ObstacleField-v0", 3, vec_env_cls=ObstacleFieldVecEnv)
 
 
 def test_returned_arrays_are_not_overwritten() -> None:
