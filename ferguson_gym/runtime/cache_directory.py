@@ -2,8 +2,8 @@
 
 In a container the package often belongs to another user and there is no home. Numba then refuses
 to define a cached function, and matplotlib searches for fonts at every start. Both are given a
-directory below the temporary one. Whoever can write it can run code here, since cached machine
-code is executed. It is therefore used only if it belongs to this user alone.
+directory below the temporary one. Cached machine code is executed, so another user who could write
+there could run code as this one; the directory is therefore used only if it is this user's alone.
 """
 
 from __future__ import annotations
