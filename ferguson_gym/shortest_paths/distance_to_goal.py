@@ -8,8 +8,6 @@ bound on the length of the path, so that few of them are tested for collisions.
 from __future__ import annotations
 
 import dataclasses
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
@@ -31,10 +29,9 @@ from ferguson_gym.shortest_paths.tangents import (
     tangent,
     view,
 )
-from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
 
 STRAIGHT, NOWHERE = -1, -2
 """Values used instead of a track's index: straight to the goal, and no path."""
@@ -214,34 +211,7 @@ class DistanceToGoal:
             node = tracks.other[node]
             if node != GOAL:
                 track, at = tracks.track[node], tracks.angle[node]
-        return self.trace((x, y), turns, way.distance)
-
-    def trace(
-        self, start: Sequence[float], turns: list[tuple[int, float, float]], length: float
-    ) -> ShortestPath:
-        """Build a path from its start (2,) and its arcs (track, start angle, end angle)."""
-        where = np.array([turn[0] for turn in turns], dtype=np.int64)
-        senses = 1 - 2 * (where % 2)
-        discs = self.kept[where // 2]
-        # from angles in the track's direction to counter-clockwise ones
-        angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
-        obstacles = self.field.obstacles
-        assert isinstance(obstacles, Discs)
-        centers, radii = obstacles.centers[discs], obstacles.radii[discs]
-        around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        ends = centers[:, None] + radii[:, None, None] * around
-        if len(turns) and math.dist(start, centers[0]) < radii[0] - self.scene.margin:
-            start = ends[0, 0]
-        knots = np.concatenate([[start], ends.reshape(-1, 2), [self.field.goal]])
-        return ShortestPath(
-            length=length,
-            lines=knots.reshape(-1, 2, 2),
-            discs=discs,
-            senses=senses,
-            centers=centers,
-            radii=radii,
-            angles=angles,
-        )
+        return trace(self.field, self.kept, (x, y), turns, way.distance, self.scene.margin)
 
 
 @lru_cache(maxsize=2)

@@ -35,7 +35,7 @@ from ferguson_gym.shortest_paths.distance_to_goal import (
 )
 from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
 from ferguson_gym.shortest_paths.tangents import TWO_PI, Records, Scene, is_clear, view
-from ferguson_gym.shortest_paths.taut_path import ShortestPath
+from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
 from ferguson_gym.world.field import Field
 
 MIN_SWEEP = 1e-7
@@ -193,7 +193,16 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
             parent = stages[stage.parent]
             turns.append((parent.track, parent.at, parent.at + stage.turn))
             stage = parent
-        paths.append(distance.trace((x, y), turns[::-1], stages[end].length))
+        paths.append(
+            trace(
+                distance.field,
+                distance.kept,
+                (x, y),
+                turns[::-1],
+                stages[end].length,
+                distance.scene.margin,
+            )
+        )
     # sorted, since the last digit of a length depends on the order of its summands
     return sorted(paths, key=lambda path: path.length)
 

@@ -116,19 +116,43 @@ def _matters(
 ) -> NDArray[np.bool_]:
     """Whether a disc reaches into the bounds and is not contained in a disc before it in order."""
     matters = np.zeros(len(radii), dtype=np.bool_)
-    for place in range(len(order)):
-        i = order[place]
+    count = len(radii)
+    # a disc within another has its centre there: candidates stand in the cells that they reach
+    size = max(np.sqrt((high[0] - low[0]) * (high[1] - low[1]) / max(count, 1)), 1e-300)
+    for radius in radii:
+        size += radius / count
+    columns, rows = int((high[0] - low[0]) / size) + 1, int((high[1] - low[1]) / size) + 1
+    latest = np.full((columns, rows), -1)
+    links = [(0, 0) for _ in range(0)]
+    for i in order:
         x, y, radius = centers[i, 0], centers[i, 1], radii[i]
         beyond_x = max(low[0] - x, x - high[0], 0.0)
         beyond_y = max(low[1] - y, y - high[1], 0.0)
-        keep = radius > margin and np.hypot(beyond_x, beyond_y) < radius
-        for k in order[:place]:
-            if not keep:
-                break
+        if not (radius > margin and np.hypot(beyond_x, beyond_y) < radius):
+            continue
+        matters[i] = True
+        link = latest[_cell(x - low[0], size, columns), _cell(y - low[1], size, rows)]
+        while link >= 0 and matters[i]:
+            k, link = links[link]
             apart = np.hypot(centers[k, 0] - x, centers[k, 1] - y)
-            keep = not matters[k] or apart + radius > radii[k] + margin
-        matters[i] = keep
+            matters[i] = apart + radius > radii[k] + margin
+        if not matters[i]:
+            continue
+        left = _cell(x - radius - low[0], size, columns)
+        right = _cell(x + radius - low[0], size, columns)
+        bottom = _cell(y - radius - low[1], size, rows)
+        top = _cell(y + radius - low[1], size, rows)
+        for column in range(left, right + 1):
+            for row in range(bottom, top + 1):
+                links.append((i, latest[column, row]))
+                latest[column, row] = len(links) - 1
     return matters
+
+
+@compiled
+def _cell(offset: float, size: float, number: int) -> int:
+    """Which of some cells of a size holds an offset [m]; the first or last one if none does."""
+    return int(min(max(offset / size, 0.0), number - 1.0))
 
 
 @compiled

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Discs
 
 MAX_POINTS = 100_000
 """Upper limit of points on a line or arc: one every 0.25 m of 25 km."""
@@ -70,6 +73,48 @@ class ShortestPath:
                 around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
                 parts.append(self.centers[k] + self.radii[k] * around)
         return np.concatenate(parts)
+
+
+def trace(
+    field: Field,
+    kept: NDArray[np.int64],
+    start: Sequence[float],
+    turns: Sequence[tuple[int, float, float]],
+    length: float,
+    margin: float,
+) -> ShortestPath:
+    """The path to a field's goal with some turns.
+
+    Args:
+        field: of discs in the plane.
+        kept: (n,) the field's disc for each of those that tracks are numbered after.
+        start: (2,) [m]; in a disc that the path goes round first, the path starts on its boundary.
+        turns: a track and the angles of its ends, in its sense, for each turn.
+        length: of the path [m].
+        margin: depth to which a path may cut into a disc [m].
+    """
+    where = np.array([turn[0] for turn in turns], dtype=np.int64)
+    senses = 1 - 2 * (where % 2)
+    discs = kept[where // 2]
+    # from the track's sense to the usual one
+    angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
+    obstacles = field.obstacles
+    assert isinstance(obstacles, Discs)
+    centers, radii = obstacles.centers[discs], obstacles.radii[discs]
+    around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    ends = centers[:, None] + radii[:, None, None] * around
+    if len(turns) and math.dist(start, centers[0]) < radii[0] - margin:
+        start = ends[0, 0]
+    knots = np.concatenate([[start], ends.reshape(-1, 2), [field.goal]])
+    return ShortestPath(
+        length=length,
+        lines=knots.reshape(-1, 2, 2),
+        discs=discs,
+        senses=senses,
+        centers=centers,
+        radii=radii,
+        angles=angles,
+    )
 
 
 def _shares(length: float, spacing: float) -> Array:

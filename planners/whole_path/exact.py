@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.exact import path_from
 from ferguson_gym.world import Field, transition
 from planners.interface import Route
 
@@ -24,7 +24,7 @@ class ShortestPathRouter:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        path = DistanceToGoal(field).path(vehicle.position)
+        path = path_from(field, vehicle.position)
         if path is None:
             return None
         found = time.perf_counter() - began, path.length
