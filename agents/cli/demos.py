@@ -44,6 +44,11 @@ def add_to(demos: Parser) -> None:
         "--nearest", type=positive, metavar="N", help="number of observed obstacles; default: 12"
     )
     demos.add_argument("--rays", type=positive, metavar="N", help="number of rays; default: 64")
+    demos.add_argument(
+        "--flat",
+        action="store_true",
+        help="record each observation as one vector instead of a dictionary",
+    )
     shared.add_workers(demos)
     fresh_help = "start over: replace a dataset of this id, or an unfinished recording"
     demos.add_argument("--fresh", action="store_true", help=fresh_help)
@@ -67,6 +72,8 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     place = place_of(options.out)
     make_policy(options.expert)
     arguments = {"observation": options.observation}
+    if options.flat:
+        arguments["flat"] = True
     for name in ("nearest", "rays"):
         if (number := getattr(options, name)) is not None:
             arguments[name] = number

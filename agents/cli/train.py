@@ -30,6 +30,8 @@ examples:
   ferguson train dagger --minutes 35 --workers 2 --out runs/dagger
   ferguson train ppo --from runs/dagger --config ppo-refining \\
       --minutes 36 --out runs/refined
+  ferguson train ppo --fields forest/train:0-9999 --fields my_fields \
+      --out runs/forest
   ferguson train bc --demos ferguson/guided-v0 --out runs/cloned
   ferguson train sac --config mine.yml --seed 1 --steps 100000 --out runs/sac"""
 
@@ -75,6 +77,12 @@ def add_to(train: Parser) -> None:
         metavar="DATASET_ID",
         help="dataset of demonstrations: the training data of bc, the first data of dagger, the "
         "initial replay buffer of sac, td3 and tqc",
+    )
+    shared.add_fields(
+        train,
+        "fields to train on, instead of those of the configuration: names, JSON files or "
+        "directories of them, from which flights draw",
+        required=False,
     )
     for option, default, what in (
         ("--choose-on", CHOSEN_ON, "best model is selected"),
@@ -123,6 +131,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         minutes=options.minutes,
         start=start,
         demos=options.demos,
+        fields=tuple(options.fields or ()),
         chosen_on=options.choose_on,
         reported_on=options.report_on,
         workers=options.workers,

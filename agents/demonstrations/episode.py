@@ -19,6 +19,9 @@ from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.world import Field, Outcome, State
 from ferguson_gym.world.actions import Action
 
+FLAT = "flat"
+"""Name of an observation that is one vector."""
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Episode:
@@ -28,7 +31,7 @@ class Episode:
     """Name of the field."""
     outcome: Outcome
     observations: Mapping[str, NDArray[np.float32]]
-    """Entries (n + 1, size)."""
+    """Entries (n + 1, size); `FLAT` alone from an environment with flat observations."""
     actions: Action
     """(n, 4); the next three are (n,)."""
     rewards: Array
@@ -58,12 +61,13 @@ def record(env: gym.Env[Observation, Action], field: str, policy: Policy) -> Epi
     steps: list[StepData] = []
     flight = fly(policy, field, environment=env, on_step=steps.append)
     flown = steps[1:]
+    seen: list[Any] = [step.observation for step in steps]
+    if not isinstance(seen[0], Mapping):
+        seen = [{FLAT: vector} for vector in seen]
     return Episode(
         field=field,
         outcome=flight.outcome,
-        observations={
-            key: np.stack([step.observation[key] for step in steps]) for key in steps[0].observation
-        },
+        observations={key: np.stack([one[key] for one in seen]) for key in seen[0]},
         actions=np.array([step.action for step in flown], np.float32).reshape(-1, 4),
         rewards=np.array([step.reward for step in flown], np.float64),
         terminations=np.array([step.terminated for step in flown], np.bool_),

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.demonstrations.episode import Episode, make_environment, seed_of
+from agents.demonstrations.episode import FLAT, Episode, make_environment, seed_of
 from ferguson_gym.runtime.optional_dependencies import installing
 
 _ID = re.compile(r"(?P<namespace>(?:[a-z0-9_][\w-]+/)*)[a-z0-9_][\w-]*-v[0-9]+", re.ASCII | re.I)
@@ -155,7 +155,7 @@ def _buffer(episode: Episode) -> Any:
     return data.EpisodeBuffer(
         seed=seed_of(episode.field),
         options={"field": episode.field},
-        observations=dict(episode.observations),
+        observations=episode.observations.get(FLAT, dict(episode.observations)),
         actions=episode.actions,
         rewards=episode.rewards,
         terminations=episode.terminations,

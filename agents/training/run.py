@@ -11,6 +11,7 @@ from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any, Protocol, cast
 
+from agents.models.model_card import ModelCard
 from agents.runtime.chunk_store import refuse_other
 from agents.runtime.jobs import Job
 from agents.runtime.terminal import Terminal
@@ -46,6 +47,8 @@ class Run:
     """Model whose network and weights the training starts from."""
     demos: str | None = None
     """Id of a Minari dataset of demonstrations."""
+    fields: tuple[str, ...] = ()
+    """Fields to train on, by name, file or directory; empty: those of the environment."""
     chosen_on: str = CHOSEN_ON
     reported_on: str = REPORTED_ON
     workers: int = 1
@@ -64,6 +67,13 @@ class Run:
             return self.hyperparameters.n_timesteps
         return self.steps
 
+    def environment(self, card: ModelCard) -> dict[str, Any]:
+        """Arguments of the environment to train in, for models with this card.
+
+        The card holds no fields, since its models fly through any.
+        """
+        return card.environment | ({"fields": list(self.fields)} if self.fields else {})
+
     def configuration(self) -> dict[str, Any]:
         """What identifies the run, as JSON values."""
         start = None
@@ -77,6 +87,7 @@ class Run:
             "minutes": self.minutes,
             "from": start,
             "demos": self.demos,
+            "fields": list(self.fields) or None,
             "chosen_on": self.chosen_on,
             "reported_on": self.reported_on,
             "hyperparameters": asdict(self.hyperparameters),
@@ -167,6 +178,8 @@ def can_resume(run: Run) -> bool:
     except (ValueError, RecursionError):
         raise ValueError(f"{place} is damaged; --fresh starts over") from None
     asked = run.configuration()
+    if isinstance(known, dict):
+        known = {"fields": None} | known  # trainings could not name them before
     if not isinstance(known, dict) or set(known) != set(asked):
         raise ValueError(f"{place} is of another version; --fresh starts over")
     refuse_other(known, asked, f"the training at {run.directory}")

@@ -131,7 +131,7 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
     """
     # depends on the steps, so that a training that resumes does not repeat its random numbers
     seed = int(np.random.SeedSequence((run.seed, budget.steps)).generate_state(1)[0])
-    envs = VecMonitor(ObstacleFieldVecEnv(run.hyperparameters.n_envs, **card.environment))
+    envs = VecMonitor(ObstacleFieldVecEnv(run.hyperparameters.n_envs, **run.environment(card)))
     arguments: dict[str, Any] = {
         key: value if (top := slope(value)) is None else LinearSchedule(top, budget)
         for key, value in run.hyperparameters.learner.items()

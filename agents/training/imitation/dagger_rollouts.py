@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from stable_baselines3.common.policies import BasePolicy
@@ -46,6 +47,8 @@ class RolloutRequest:
 
     card: ModelCard
     """Of the learner, as are the weights."""
+    environment: dict[str, Any]
+    """Arguments of the environment that is flown."""
     weights: dict[str, Tensor]
     expert: str
     """Name of a planner that decides step by step."""
@@ -79,7 +82,7 @@ def collect(request: RolloutRequest) -> Rollouts:
 
 
 def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> Rollouts:
-    planner, settings = _expert(request.expert), settings_of(request.card.environment)
+    planner, settings = _expert(request.expert), settings_of(request.environment)
     stream = np.random.default_rng(request.stream)
     rows: list[list[float]] = []
     steps = refused = 0

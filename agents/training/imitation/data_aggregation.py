@@ -38,7 +38,7 @@ class DataAggregation:
         self, run: Run, card: ModelCard, options: ImitationOptions, directory: Path
     ) -> None:
         self._run, self._card, self._options, self._directory = run, card, options, directory
-        settings = settings_of(card.environment)
+        settings = settings_of(run.environment(card))
         self.dataset, self._field = ImitationDataset(settings), settings.field
         self.rounds = 0
         """Rounds of rollouts in the dataset, those before the first update among them."""
@@ -78,6 +78,7 @@ class DataAggregation:
         requests = [
             RolloutRequest(
                 card=self._card,
+                environment=self._run.environment(self._card),
                 weights=weights,
                 expert=self._options.expert,
                 seeds=seeds,
@@ -90,7 +91,7 @@ class DataAggregation:
         return map_in_processes(calls, self._run.workers, in_order=True, ahead=len(requests))
 
     def _seeds(self, multiple: int) -> list[range]:
-        """Seeds of the next fields, a range for each request; no field is flown twice."""
+        """Seeds of the next fields, a range for each request; no seed is flown twice."""
         per_round = self._run.hyperparameters.n_envs
         before = self._options.first - 1 if self.rounds else 0
         first = self._run.seed * _FIELDS + per_round * (self.rounds + before)

@@ -59,6 +59,8 @@ def prepare(run: Run) -> Job:
         get_fields(spec)
     if run.algorithm == "bc" and run.demos is None:
         raise ValueError("bc learns from demonstrations: name them with --demos DATASET_ID")
+    if run.algorithm == "bc" and run.fields:
+        raise ValueError("bc flies no fields, it learns from --demos; leave --fields out")
     demos = None if run.demos is None else reading.read(run.demos)
     trainer = ImitationTrainer(run, card, start)
     numba.set_num_threads(min(run.threads, numba.get_num_threads()))

@@ -87,6 +87,17 @@ def test_the_recovered_environment_replays_every_transition(
         assert not episode.truncations.any()
 
 
+def test_flat_demonstrations_are_vectors_and_are_read(root: Path) -> None:
+    assert demos("--flat", fields="sparse/train:0-1") == 0
+    dataset = minari.load_dataset(ID)
+    space = dataset.recover_environment().observation_space
+    assert dataset.observation_space == space
+    for episode in dataset.iterate_episodes():
+        assert episode.observations.shape == (len(episode.actions) + 1, *space.shape)
+        assert all(row in space for row in episode.observations)
+    assert read(ID).environment["flat"] is True
+
+
 def test_the_metadata_hold_the_request_and_versions(root: Path) -> None:
     assert demos("--expert", "single-start", fields="standard/train:0-5") == 0
     dataset = minari.load_dataset(ID)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from gymnasium.spaces import flatten
 
 from agents.demonstrations import recording as making
 from agents.demonstrations import work
@@ -69,6 +70,21 @@ def test_replayed_actions_reproduce_every_transition(tmp_path: Path, observation
         assert episode.outcome is Outcome.GOAL_REACHED
         assert episode.infos["is_success"].tolist() == [False] * len(episode.actions) + [True]
         assert_same(replay(env, name, episode.actions), episode)
+
+
+def test_flat_observations_are_those_of_the_dictionary_in_one_vector(tmp_path: Path) -> None:
+    flat = replace(wanted("sparse/train:2"), arguments={"observation": "discs", "flat": True})
+    (episode,) = fly_all(tmp_path / "flat", flat)
+    (other,) = fly_all(tmp_path / "entries", wanted("sparse/train:2"))
+    space = make_environment({"observation": "discs"}).observation_space
+    rows = [
+        flatten(space, {key: values[k] for key, values in other.observations.items()})
+        for k in range(len(other.actions) + 1)
+    ]
+    np.testing.assert_array_equal(episode.observations["flat"], np.stack(rows))
+    assert_same(
+        replay(make_environment(flat.environment), "sparse/train:2", episode.actions), episode
+    )
 
 
 def test_a_demonstration_is_the_experts_flight(tmp_path: Path) -> None:

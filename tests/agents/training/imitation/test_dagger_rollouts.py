@@ -45,6 +45,7 @@ def weights(seed: int = 0) -> dict[str, Any]:
 def request(**changes: Any) -> RolloutRequest:
     arguments: dict[str, Any] = {
         "card": CARD,
+        "environment": CARD.environment,
         "weights": weights(),
         "expert": "pursuit",
         "seeds": SEEDS,
