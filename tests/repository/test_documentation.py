@@ -28,6 +28,8 @@ BESIDES = {
 }
 """What is said besides to commands that would take long, or do nothing in less."""
 FILE = re.compile(r"`((?:agents|benchmarks|docs|examples|ferguson_gym|planners|tests)/[\w./-]+)`")
+RECIPES = "recipes.md"
+"""Its programs need libraries that are not installed here; `test_recipes.py` runs them."""
 CLUSTER = "dask"
 """Other tests start a scheduler, and fly with its workers."""
 
@@ -57,7 +59,9 @@ def run_python(block: Block) -> None:
         exec(compile(block.text, str(block), "exec"), {"__name__": "__main__"})
 
 
-@pytest.mark.parametrize("page", pages_with("python"), ids=name_of)
+@pytest.mark.parametrize(
+    "page", [page for page in pages_with("python") if page.name != RECIPES], ids=name_of
+)
 def test_python_runs_in_the_order_of_the_page(page: Path, place: Path) -> None:
     for block in blocks(page):
         if block.language == "python":
