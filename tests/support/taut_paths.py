@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import strategies as st
 
+from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs
@@ -97,3 +98,17 @@ def line_depth(starts: np.ndarray, ends: np.ndarray, field: Field) -> np.ndarray
     both = np.stack([starts, ends])
     outside = np.maximum(field.bounds[0] - both, both - field.bounds[1]).max(axis=(0, 2))
     return np.maximum(within.max(axis=1, initial=-np.inf), outside)
+
+
+def field_of(centers: object, radii: object, **options: object) -> Field:
+    """A field of discs."""
+    return Field(name="of discs", obstacles=Discs(centers, radii), **options)  # type: ignore[arg-type]
+
+
+def found(field: Field) -> ShortestPath:
+    """The shortest path, which must exist and be taut."""
+    path = shortest_path(field)
+    assert path is not None
+    assert_is_taut(path, field)
+    np.testing.assert_array_equal(path.lines[0, 0], field.start)
+    return path

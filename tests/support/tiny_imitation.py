@@ -1,6 +1,7 @@
 """Imitation at a tiny scale: its hyperparameters, a command line, and demonstrations in memory."""
 
 import csv
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,3 +75,17 @@ def curve_of(directory: Path) -> list[dict[str, str]]:
     """The learning curve of a run, without times."""
     with (directory / "curve.csv").open() as file:
         return [{**row, "minutes": ""} for row in csv.DictReader(file)]
+
+
+def straight_flights(tmp_path: Path) -> Any:
+    """Demonstrations: six flights of two straight segments each."""
+    goal = {"centers": [], "radii": [], "goal": [12.8, 12.8]}
+    (tmp_path / "near.json").write_text(json.dumps(goal))
+
+    class Flights:
+        flight = Demonstrations.flight
+        fields = (str(tmp_path / "near.json"),) * 6
+        actions = np.zeros((12, 4), np.float32)
+        offsets = np.arange(0, 14, 2)
+
+    return Flights()

@@ -12,7 +12,7 @@ from agents.evaluation.request import Request
 from agents.evaluation.work import WORK
 from agents.runtime import executors
 from agents.runtime.executors import Backend
-from tests.support.dask_cluster import cluster
+from tests.support.processes.dask_cluster import cluster
 
 pytestmark = pytest.mark.slow
 FIELDS = [*(f"standard/train:{k}" for k in range(4)), "traps/train:3", "forest/train:0", "paper:4"]

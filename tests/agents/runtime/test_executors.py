@@ -18,7 +18,7 @@ from agents.evaluation.work import WORK
 from agents.runtime import executors
 from agents.runtime.chunk_store import ChunkStore
 from agents.runtime.executors import Backend, Call, WorkerDiedError, open_backend, parse_address
-from tests.support.dask_cluster import cluster, free_port
+from tests.support.processes.dask_cluster import cluster, free_port
 
 NAMES = ("flights.csv", "paths.npz")
 REQUEST = Request(

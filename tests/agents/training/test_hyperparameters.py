@@ -1,15 +1,21 @@
 """Hyperparameters from files, and schedules that follow the budget of a training."""
 
+import json
 from pathlib import Path
 
 import pytest
 
+pytest.importorskip("sb3_contrib")
 pytest.importorskip("yaml")
 
+from agents.demonstrations import reading
+from agents.models import shipped_agents
 from agents.training import ALGORITHMS
 from agents.training.budget import LinearSchedule, TrainingBudget
-from agents.training.hyperparameters import read
+from agents.training.hyperparameters import SHIPPED, read
+from agents.training.run import Run
 from ferguson_gym import ENVIRONMENT_ID
+from tests.support.tiny_imitation import straight_flights
 
 
 @pytest.mark.parametrize(
@@ -47,3 +53,22 @@ def test_a_schedule_follows_the_limit_that_comes_first() -> None:
     assert not by_time.time_is_up
     assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).time_is_up
     assert TrainingBudget(100, 1.0, steps=10, seconds=61.0).done == 1.0
+
+
+@pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yml")), ids=lambda file: file.stem)
+def test_shipped_hyperparameters_are_valid(
+    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    algorithm = ALGORITHMS[file.stem.partition("-")[0]]
+    recipe = read(file.stem, algorithm.keys)
+    run = Run(
+        algorithm=file.stem.partition("-")[0],
+        directory=tmp_path / "out",
+        hyperparameters=recipe,
+        demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
+        start=shipped_agents.SHIPPED / "dagger" if file.stem == "ppo-refining" else None,
+    )
+    monkeypatch.setattr(reading, "read", lambda _: straight_flights(tmp_path))
+    algorithm.trainer().prepare(run)
+    assert not (tmp_path / "out").exists()
+    json.dumps(run.configuration())

@@ -17,19 +17,17 @@ import yaml
 
 from agents.cli.main import main
 from agents.demonstrations import reading
-from agents.demonstrations.reading import Demonstrations
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
-from agents.models import loading, shipped_agents
+from agents.models import loading
 from agents.training import checkpoint as training_checkpoint
-from agents.training.hyperparameters import SHIPPED, read
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import TrainingRecord
-from agents.training.run import ALGORITHMS, Run
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.field_names import get_fields
 from tests.fuzz.test_files import unfinished_training
 from tests.support.small_models import same, saved, weights_of
+from tests.support.tiny_imitation import straight_flights
 
 CHOSEN, REPORTED = "sparse/validation:0-4", "sparse/validation:5-9"
 TINY: dict[str, Any] = {
@@ -315,20 +313,6 @@ def test_a_training_starts_from_the_weights_of_another_model(
     assert same(weights_of(start), weights_of(tmp_path / "out"))
 
 
-def straight_flights(tmp_path: Path) -> Any:
-    """Demonstrations: six flights of two straight segments each."""
-    goal = {"centers": [], "radii": [], "goal": [12.8, 12.8]}
-    (tmp_path / "near.json").write_text(json.dumps(goal))
-
-    class Flights:
-        flight = Demonstrations.flight
-        fields = (str(tmp_path / "near.json"),) * 6
-        actions = np.zeros((12, 4), np.float32)
-        offsets = np.arange(0, 14, 2)
-
-    return Flights()
-
-
 def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
     command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -398,22 +382,3 @@ def test_a_model_with_other_networks_is_refused_as_a_start(
         "invalid choice: 'luck'; choose from ppo, sac, td3, tqc, bc, dagger"
         in capsys.readouterr().err
     )
-
-
-@pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.yml")), ids=lambda file: file.stem)
-def test_shipped_hyperparameters_are_valid(
-    file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    algorithm = ALGORITHMS[file.stem.partition("-")[0]]
-    recipe = read(file.stem, algorithm.keys)
-    run = Run(
-        algorithm=file.stem.partition("-")[0],
-        directory=tmp_path / "out",
-        hyperparameters=recipe,
-        demos="some/pursuit-v0" if file.stem.startswith("bc") else None,
-        start=shipped_agents.SHIPPED / "dagger" if file.stem == "ppo-refining" else None,
-    )
-    monkeypatch.setattr(reading, "read", lambda _: straight_flights(tmp_path))
-    algorithm.trainer().prepare(run)
-    assert not (tmp_path / "out").exists()
-    json.dumps(run.configuration())

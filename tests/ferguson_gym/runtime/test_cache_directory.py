@@ -12,8 +12,8 @@ from _pytest.mark import ParameterSet
 from ferguson_gym.runtime import cache_directory
 from ferguson_gym.runtime.compilation import COMPILING
 from ferguson_gym.runtime.jit import PACKAGES
-from tests.support import other_user
 from tests.support.places import ROOT
+from tests.support.processes import other_user
 
 KERNEL = """
 from ferguson_gym.runtime.jit import compiled

@@ -14,7 +14,7 @@ import pytest
 from planners.interface import CrashedError
 from planners.whole_path.subprocess_worker import ROOT, Worker
 
-STUB = "tests.support.stub_worker"
+STUB = "tests.support.processes.stub_worker"
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +47,8 @@ def test_output_of_a_library_does_not_disturb_the_answer(
 @pytest.mark.parametrize(
     ("request_", "timeout", "message"),
     [
-        ("crash", 30.0, "tests.support.stub_worker ended with exit status -11"),
-        ("hang", 0.2, "tests.support.stub_worker did not answer within 0.2 s"),
+        ("crash", 30.0, "tests.support.processes.stub_worker ended with exit status -11"),
+        ("hang", 0.2, "tests.support.processes.stub_worker did not answer within 0.2 s"),
     ],
 )
 def test_after_a_crash_or_a_hang_the_next_request_starts_another_process(
