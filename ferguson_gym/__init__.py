@@ -1,19 +1,11 @@
 """A Gymnasium environment for flight along Ferguson splines, with certified collision checks.
 
 Importing the package registers the environment `ferguson/ObstacleField-v0` and nothing else. The
-<<<<<<< HEAD
 public names below are imported when they are first used, so that `import ferguson_gym` costs little
 more than `import gymnasium` and loads neither the compiler nor matplotlib. Folders, lowest layer
-first: `runtime` (arrays, compiled functions, threads), `curves` (Ferguson segments and their
-certified clearance), `world` (fields, limits, actions, feasibility), `shortest_paths` (exact),
-`simulation` (the compiled step) and `rendering`.
-=======
-public names below are imported when they are first used, so that `import ferguson_gym` costs
-little more than `import gymnasium` and loads neither the compiler nor matplotlib. Folders, from
-the ground up: `runtime` (arrays, compiled functions, threads), `svg` (pictures), `curves`
-(Ferguson segments and their certified clearance), `world` (fields, limits, actions, feasibility),
+first: `runtime` (arrays, compiled functions, threads), `svg` (pictures), `curves` (Ferguson
+segments and their certified clearance), `world` (fields, limits, actions, feasibility),
 `shortest_paths` (exact), `simulation` (the compiled step) and `rendering`.
->>>>>>> da2299b (Fields, paths, plans and flights show themselves in notebooks, and fly in one call)
 """
 
 from importlib import import_module

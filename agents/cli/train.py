@@ -30,8 +30,7 @@ examples:
   ferguson train dagger --minutes 35 --workers 2 --out runs/dagger
   ferguson train ppo --from runs/dagger --config ppo-refining \\
       --minutes 36 --out runs/refined
-  ferguson train ppo --fields forest/train:0-9999 --fields my_fields \
-      --out runs/forest
+  ferguson train ppo --fields forest/train:0-9999 --out runs/forest
   ferguson train bc --demos ferguson/guided-v0 --out runs/cloned
   ferguson train sac --config mine.yml --seed 1 --steps 100000 --out runs/sac"""
 

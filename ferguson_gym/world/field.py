@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite, frozen, real
 from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.svg import Picture, ShowsPicture
+from ferguson_gym.svg.notebook import ShowsPicture
+from ferguson_gym.svg.picture import Picture
 from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs, Obstacles
 

@@ -235,9 +235,9 @@ def test_parameters_that_are_none_are_refused(t: Any, order: Any) -> None:
         parts = attempt(splines.subdivide, control, t)
     for found in (points, slopes, bent):
         if found is not None:
-            assert np.shape(found)[0] == np.size(t)
-            inside = np.abs(np.asarray(t, float)) <= 1.0
-            assert not np.isnan(found[inside]).any()
+            given = np.asarray(t, float)
+            assert np.shape(found)[: given.ndim] == given.shape
+            assert not np.isnan(found[np.abs(given) <= 1.0]).any()
     assert parts is None or np.isfinite(parts).all()
 
 

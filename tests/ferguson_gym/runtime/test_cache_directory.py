@@ -52,7 +52,8 @@ def tree(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
 @pytest.fixture
 def temporary(tmp_path: Path) -> Path:
     """A temporary directory of everybody, like /tmp."""
-    for path in (tmp_path, *tmp_path.parents[:2]):  # pytest's own are closed to other users
+    own = [path for path in tmp_path.parents if path.is_relative_to(tempfile.gettempdir())]
+    for path in (tmp_path, *own[:-1]):  # pytest's own are closed to other users
         path.chmod(path.stat().st_mode | 0o055)
     place = tmp_path / "tmp"
     place.mkdir()

@@ -127,7 +127,8 @@ def test_a_plan_shows_what_it_knows() -> None:
         nothing.picture()
     failed = replace(nothing, field=FIELD)
     assert (
-        caption(failed) == "paper:3: 0 segments, 0.00 m, found no feasible window from where it was"
+        caption(failed)
+        == "paper:3: 0 segments, 0.00 m, found no feasible chain from the current state"
     )
     assert not strokes(failed, SEGMENTS[0])
 
