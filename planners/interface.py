@@ -19,9 +19,9 @@ import numpy as np
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
-from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.world import Field, Inspection, Limits, Outcome, transition
 
 

@@ -16,9 +16,9 @@ from ferguson_gym.curves import sampling, splines
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array, frozen
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
-from ferguson_gym.svg.motion import Timeline
 
 _JOINT = 1e-9
 """Largest mismatch at a joint, relative to the largest entry of the control array."""
