@@ -10,8 +10,8 @@ run: .venv/installed-base  ## five policies through the paper's fields and 100 o
 		--policy single-start --policy best --fields paper:1-4 \
 		--fields standard/validation:200-299 --out results/first --workers 2 --fresh
 
-test: .venv/installed-dev  ## the tests, without those that need minutes
-	$(BIN)/pytest -n 2 --dist loadfile
+test: .venv/installed-dev  ## the tests, without those that need minutes, and their coverage
+	$(BIN)/pytest -n 2 --dist loadfile --cov --cov-report=
 
 test-slow: .venv/installed-dev  ## the tests that need minutes
 	$(BIN)/pytest -m slow --timeout 7200
@@ -35,7 +35,7 @@ format: .venv/installed-dev
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv results build dist docs/_build docs/reference/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis
+	rm -rf .venv results build dist docs/_build docs/reference/generated .mypy_cache .ruff_cache .pytest_cache .hypothesis .coverage
 
 .venv/installed-base: pyproject.toml constraints.txt | .venv/bin/python
 	$(PIP) --editable .
