@@ -101,7 +101,7 @@ class ObstacleField(gym.Env[Any, Action]):
     With the defaults of most libraries nothing is learned. Begin with a discount of 0.9, since a
     collision is caused by the last action or two, and with noise of standard deviation 0.2 in each
     entry of an action, since most of the action box asks for segments that are refused. Plain PPO
-    on rays then reaches the goal in 67 % of the validation fields after half a million steps, and
+    on rays then reaches the goal in 60 % of the validation fields after half a million steps, and
     in 77, 83 and 92 % after 5, 20 and 60 minutes on one core; docs/learnability.md has settings and
     commands.
 
