@@ -162,8 +162,8 @@ def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
         "func. eval.",
         "length [m]",
         "shortest",
-        caption="medians over successful flights (-: there is none); (N/A): the paper found no "
-        "path; no brackets: the paper does not report this policy on this field",
+        caption="medians over successful flights (-: no flight succeeded); (N/A): the paper found "
+        "no path; no brackets: the paper does not report this policy on this field",
     )
     for one in rows:
         policy, field = one["policy"], one["field"]
