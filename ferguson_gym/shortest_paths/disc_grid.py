@@ -10,9 +10,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.shortest_paths.tangents import Integers, Records
 
 
@@ -32,6 +33,8 @@ class Grid(NamedTuple):
     """(columns * rows + 1,) where the members of each cell begin, and their number."""
     member: Integers
     """Discs, cell by cell."""
+    covered: NDArray[np.bool_]
+    """(columns * rows,) whether a cell lies deeper than the pad inside of a disc."""
 
 
 @compiled
@@ -50,7 +53,7 @@ def cells_around(grid: Grid, x: float, y: float, radius: float) -> tuple[int, in
     )
 
 
-@compiled
+@compiled_in_place
 def is_passed(grid: Grid, column: int, row: int, x: float, y: float, radius: float) -> bool:
     """Whether a disc's boundary passes a cell."""
     half = 0.5 * grid.size
@@ -69,14 +72,15 @@ def make_grid(discs: Records, box: Array, size: float, pad: float) -> Grid:
     columns = max(math.ceil((box[1, 0] - box[0, 0]) / size), 1)
     rows = max(math.ceil((box[1, 1] - box[0, 1]) / size), 1)
     first = np.zeros(columns * rows + 1, dtype=np.int64)
-    grid = Grid(box[0, 0], box[0, 1], size, columns, rows, pad, first, first[:0])
+    covered = np.zeros(columns * rows, dtype=np.bool_)
+    grid = Grid(box[0, 0], box[0, 1], size, columns, rows, pad, first, first[:0], covered)
     for k in range(len(discs)):
         _enter(grid, discs, k, first, first[:0])
     first[:] = np.cumsum(first)
     member, end = np.empty(first[-1], dtype=np.int64), first.copy()
     for k in range(len(discs)):
         _enter(grid, discs, k, end, member)
-    return Grid(box[0, 0], box[0, 1], size, columns, rows, pad, first, member)
+    return Grid(box[0, 0], box[0, 1], size, columns, rows, pad, first, member, covered)
 
 
 @compiled
@@ -86,11 +90,24 @@ def _enter(grid: Grid, discs: Records, k: int, end: Integers, member: Integers) 
     left, right, bottom, top = cells_around(grid, x, y, radius)
     for column in range(left, right + 1):
         for row in range(bottom, top + 1):
-            if not is_passed(grid, column, row, x, y, radius):
-                continue
             cell = column * grid.rows + row
+            if not is_passed(grid, column, row, x, y, radius):
+                dx = grid.x + grid.size * (column + 0.5) - x
+                dy = grid.y + grid.size * (row + 0.5) - y
+                # a cell that is not passed lies on one side of the boundary
+                if dx * dx + dy * dy < radius * radius:
+                    grid.covered[cell] = True
+                continue
             if len(member) == 0:
                 end[cell + 1] += 1
             else:
                 member[end[cell]] = k
                 end[cell] += 1
+
+
+@compiled
+def cell_at(grid: Grid, x: float, y: float) -> int:
+    """The cell that holds a point, or the nearest one."""
+    column = min(max((x - grid.x) / grid.size, 0.0), grid.columns - 1.0)
+    row = min(max((y - grid.y) / grid.size, 0.0), grid.rows - 1.0)
+    return int(column) * grid.rows + int(row)

@@ -1,8 +1,7 @@
 """The exact distance to the goal (the cost-to-go) from any point of a field, and the path.
 
-From a point the shortest path leads straight to the goal, or along a tangent to a disc; the tangent
-graph stores the remaining distance at each of its nodes. Tangents are tried in the order of a lower
-bound on the length of the path, so that few of them are tested for collisions.
+Among few discs it comes from the graph of all tangents; among many, from a search from the goal
+that is kept and continued for each query.
 """
 
 from __future__ import annotations
@@ -10,143 +9,39 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite
-from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, build, following, sweep
-from ferguson_gym.shortest_paths.tangents import (
-    Integers,
-    Records,
-    Scene,
-    View,
-    angle,
-    is_clear,
-    scene,
-    tangent,
-    view,
+from ferguson_gym.shortest_paths.departures import (
+    NOWHERE,
+    Departure,
+    query,
+    shortest_departure,
+    turns_along,
 )
+from ferguson_gym.shortest_paths.goal_queries import departure, shortest_leave, turns_of
+from ferguson_gym.shortest_paths.goal_search import GoalSearch, begin_search
+from ferguson_gym.shortest_paths.tangent_graph import Tracks, build, sweep
+from ferguson_gym.shortest_paths.tangents import Integers, Scene, scene
 from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
 
-STRAIGHT, NOWHERE = -1, -2
-"""Values used instead of a track's index: straight to the goal, and no path."""
-
-
-class Departure(NamedTuple):
-    """How a path leaves a point."""
-
-    distance: float
-    """Length of the path to the goal [m]."""
-    ux: float
-    """Unit direction in which it leaves."""
-    uy: float
-    track: int
-    """The track that it reaches first, STRAIGHT or NOWHERE."""
-    at: float
-    """Angle at which it reaches that [rad]."""
-    line: float
-    """Length of its first line [m]."""
-
-
-@compiled
-def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
-    """Whether a point is free, and the discs that lines from the point must avoid.
-
-    A point may lie inside a disc or outside the bounds by at most the tolerance [m]. A line from it
-    may then enter that disc as deep as the point itself.
-    """
-    discs, box = scene.discs, scene.box
-    slack = tolerance - scene.margin
-    free = box[0, 0] - slack <= x <= box[1, 0] + slack
-    free = free and box[0, 1] - slack <= y <= box[1, 1] + slack
-    copied = False
-    for k in range(len(discs)):
-        disc = discs[k]
-        distance = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
-        if distance < disc.radius - tolerance:
-            free = False
-        elif distance < disc.radius:
-            if not copied:
-                discs, copied = discs.copy(), True
-            discs[k].reach = min(disc.reach, distance - scene.margin)
-    return free, discs
-
-
-@compiled
-def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> Departure:
-    """The straight line from a point to the goal, if it is free."""
-    dx, dy = goal[0] - x, goal[1] - y
-    distance = np.sqrt(dx * dx + dy * dy)
-    if distance == 0.0:
-        return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
-    ux, uy = dx / distance, dy / distance
-    if is_clear(x, y, ux, uy, distance, distance, discs, around, -1, -1):
-        return Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
-    return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
-
-
-@compiled
-def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) -> Departure:
-    """The path from a point to the goal by a given track; collisions are not tested."""
-    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
-    length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
-    at = angle(sense, ux, uy)
-    node = following(tracks, track, at)
-    distance = np.inf
-    if node >= 0:
-        distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
-    return Departure(distance, ux, uy, track, at, length)
-
-
-@compiled
-def shortest_departure(
-    scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
-) -> Departure:
-    """How the shortest path from a point to the goal leaves the point."""
-    free, discs = point_view(scene, x, y, tolerance)
-    if not free:
-        return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
-    around = view(discs, x, y)
-    best = straight(discs, around, x, y, goal)
-    bounds = np.empty(len(tracks.least))
-    for track in range(len(bounds)):
-        disc = discs[track // 2]
-        square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
-        bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
-    for track in np.argsort(bounds):
-        if bounds[track] >= best.distance:
-            break
-        way = along_track(discs, tracks, track, x, y)
-        i = track // 2
-        if way.distance < best.distance and is_clear(
-            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
-        ):
-            best = way
-    return best
-
-
-@compiled
-def _query(
-    scene: Scene, tracks: Tracks, goal: Array, points: Array, tolerance: float
-) -> tuple[Array, Array]:
-    distance, gradient = np.empty(len(points)), np.empty(points.shape)
-    for k in range(len(points)):
-        way = shortest_departure(scene, tracks, goal, points[k, 0], points[k, 1], tolerance)
-        distance[k] = way.distance
-        gradient[k, 0], gradient[k, 1] = -way.ux, -way.uy
-    return distance, gradient
+FEW = 200
+"""Up to so many obstacles, paths come from the tangent graph that holds every tangent: flights and
+lengths on record are kept to the last bit. Among more, a search makes the tangents it needs; its
+lengths differ from those of the graph by rounding alone."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceToGoal:
     """Length of the shortest path from any point to the goal of a field of discs in the plane.
 
-    Building it takes one search from the goal; a query then looks at the tangents of a point.
+    Up to `FEW` discs, building it takes one search from the goal, and a query then looks at the
+    tangents of a point. Among more discs a query continues the search from the goal until the value
+    is known: the first one takes as long as a single shortest path, others near it much less.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
@@ -158,15 +53,27 @@ class DistanceToGoal:
     scene: Scene = dataclasses.field(init=False, repr=False)
     """The discs that can obstruct a path."""
     kept: Integers = dataclasses.field(init=False, repr=False)
-    """(n,) their indices among the field's discs."""
-    tracks: Tracks = dataclasses.field(init=False, repr=False)
-    """The tangent graph."""
+    """(n,) the field's disc for each of those that tracks are numbered after."""
+    tracks: Tracks | None = dataclasses.field(init=False, repr=False)
+    """The tangent graph; None among many discs."""
+    searches: list[GoalSearch] = dataclasses.field(init=False, repr=False)
+    """Searches that no query is using at the moment. A query that was interrupted does not return
+    its search, and another thread does not find it."""
 
     def __post_init__(self) -> None:
         world, kept = scene(self.field)
-        object.__setattr__(self, "scene", world)
-        object.__setattr__(self, "kept", kept)
-        object.__setattr__(self, "tracks", build(world, self.field.goal))
+        few = len(self.field.obstacles) <= FEW
+        tracks, searches = build(world, self.field.goal) if few else None, []
+        if not few:
+            search, order = begin_search(world, self.field.goal, self.tolerance)
+            searches, kept = [search], kept[order]
+        for name, value in (
+            ("scene", world),
+            ("kept", kept),
+            ("tracks", tracks),
+            ("searches", searches),
+        ):
+            object.__setattr__(self, name, value)
 
     def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
         """Distance to the goal and its gradient.
@@ -186,7 +93,20 @@ class DistanceToGoal:
             ValueError: another shape, NaN or infinity.
         """
         points = finite("points", points, (None, 2))
-        return _query(self.scene, self.tracks, self.field.goal, points, self.tolerance)
+        if self.tracks is not None:
+            return query(self.scene, self.tracks, self.field.goal, points, self.tolerance)
+        ways = [self.departure(x, y) for x, y in points]
+        distance = np.array([way.distance for way in ways], dtype=np.float64)
+        return distance, np.array([(-way.ux, -way.uy) for way in ways]).reshape(-1, 2)
+
+    def departure(self, x: float, y: float) -> Departure:
+        """How the shortest path from a point [m] leaves the point."""
+        if self.tracks is not None:
+            goal = self.field.goal
+            return shortest_departure(self.scene, self.tracks, goal, x, y, self.tolerance)
+        search, way = departure(self.borrow(), x, y, self.tolerance)
+        self.searches.append(search)
+        return way
 
     def path(self, point: ArrayLike) -> ShortestPath | None:
         """The shortest path from a point (2,) [m] to the goal, None if there is none.
@@ -198,20 +118,27 @@ class DistanceToGoal:
             ValueError: another shape, NaN or infinity.
         """
         x, y = finite("point", point, (2,))
-        way = shortest_departure(self.scene, self.tracks, self.field.goal, x, y, self.tolerance)
-        if way.track == NOWHERE:
-            return None
-        tracks = self.tracks
-        turns: list[tuple[int, float, float]] = []
-        track, at = way.track, way.at
-        node = GOAL if track == STRAIGHT else following(tracks, track, at)
-        while node != GOAL:
-            node = tracks.leave[node]
-            turns.append((track, at, at + sweep(at, tracks.angle[node])))
-            node = tracks.other[node]
-            if node != GOAL:
-                track, at = tracks.track[node], tracks.angle[node]
-        return trace(self.field, self.kept, (x, y), turns, way.distance, self.scene.margin)
+        if self.tracks is not None:
+            way = self.departure(x, y)
+            if way.track == NOWHERE:
+                return None
+            length, turns = way.distance, turns_along(self.tracks, way)
+        else:
+            search, leave = shortest_leave(self.borrow(), x, y, self.tolerance)
+            turns = turns_of(search, leave)
+            self.searches.append(search)
+            length = leave.distance
+            if length == np.inf:
+                return None
+            turns = [(track, at, at + sweep(at, until)) for track, at, until in turns]
+        return trace(self.field, self.kept, (x, y), turns, length, self.scene.margin)
+
+    def borrow(self) -> GoalSearch:
+        """A search for the caller alone, who appends it to `searches` when it has been used."""
+        try:
+            return self.searches.pop()
+        except IndexError:
+            return begin_search(self.scene, self.field.goal, self.tolerance)[0]
 
 
 @lru_cache(maxsize=2)

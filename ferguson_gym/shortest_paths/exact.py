@@ -7,20 +7,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.runtime.arrays import finite
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, point_view
-from ferguson_gym.shortest_paths.tangent_graph import sweep
-from ferguson_gym.shortest_paths.tangent_search import find_route
-from ferguson_gym.shortest_paths.tangents import scene
-from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
-
-FEW = 200
-"""Up to so many obstacles, the path comes from the tangent graph that holds every tangent: flights
-and lengths on record are kept to the last bit. Among more, a search makes the tangents it needs;
-its lengths differ from those of the graph by rounding alone."""
 
 
 def shortest_path(field: Field) -> ShortestPath | None:
@@ -43,18 +33,7 @@ def path_from(field: Field, point: ArrayLike) -> ShortestPath | None:
         TypeError: obstacles other than discs in the plane.
         ValueError: a point of another shape, NaN or infinity.
     """
-    if len(field.obstacles) <= FEW:
-        return DistanceToGoal(field).path(point)
-    world, kept = scene(field)
-    x, y = finite("point", point, (2,))
-    tolerance = PAPER_LIMITS.tolerance
-    if not point_view(world, x, y, tolerance)[0]:
-        return None
-    length, turns = find_route(world, np.array([x, y]), np.array(field.goal), tolerance)
-    if length == np.inf:
-        return None
-    turns = [(track, at, at + sweep(at, until)) for track, at, until in turns]
-    return trace(field, kept, (x, y), turns, length, world.margin)
+    return DistanceToGoal(field).path(point)
 
 
 def exact_length(field: Field) -> float | None:

@@ -12,7 +12,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
@@ -54,8 +53,6 @@ class Site(NamedTuple):
     """[m]."""
     stamp: Integers
     """(n + 2,) when each disc was last seen."""
-    dead: NDArray[np.bool_]
-    """For each cell, whether no path of the length sought leads there."""
 
 
 class Exit(NamedTuple):
@@ -69,8 +66,9 @@ class Exit(NamedTuple):
     """The angle at which it is reached [rad]."""
     line: float
     """Length of the tangent [m]."""
-    ahead: float
-    """Straight distance from its end to the goal [m]."""
+    x: float
+    """Where it ends [m]."""
+    y: float
 
 
 @compiled
@@ -86,7 +84,7 @@ def add_exits(
     """Append the exits of a sector of a track, in the order of their angles.
 
     Args:
-        site: discs, grid, and what is dead.
+        site: discs and grid.
         track: in the numbering of `Tangents`.
         sector: 0 to 7.
         bound: length of the paths sought [m]; tangents that only longer ones use may be left out.
@@ -109,7 +107,7 @@ def add_exits(
         # lines may begin and end inside these, where the walk does not meet their boundaries
         site.stamp[k] = mark + 1
         add_disc(discs, i, sense, k, site.margin, frame, bins, links, candidates)
-    _walk(site, i, sense, frame, mark + 1, bins, links, candidates)
+    _walk(site, i, sense, frame, bound, mark + 1, bins, links, candidates)
     for way in candidates:
         at = angle(sense, way.ux, way.uy)
         if way.length > bins.hidden[way.bin] or sector_of(at) != sector:
@@ -136,7 +134,7 @@ def add_exits(
         there = angle(way.sense, way.ux, way.uy)
         if way.disc == len(discs) - 2:
             other, there = GOAL, 0.0
-        exits.append(Exit(at, other, there, way.length, ahead))
+        exits.append(Exit(at, other, there, way.length, end_x, end_y))
     _add_walls(site, i, sense, sector, touching, exits)
     # by insertion, since they are few
     for place in range(count + 1, len(exits)):
@@ -193,7 +191,7 @@ def _add_walls(
     for middle in angles:
         at = middle if sense > 0.0 else -middle % TWO_PI
         if sector_of(at) == sector:
-            exits.append(Exit(at, WALL, 0.0, 0.0, 0.0))
+            exits.append(Exit(at, WALL, 0.0, 0.0, 0.0, 0.0))
 
 
 @compiled
@@ -221,11 +219,24 @@ def _is_free(
 
 
 @compiled
+def _is_beyond(site: Site, cell: int, bound: float) -> bool:
+    """Whether no path from start to goal of a length [m] reaches a cell."""
+    grid, discs = site.grid, site.discs
+    goal, start = discs[len(discs) - 2], discs[len(discs) - 1]
+    x = grid.x + grid.size * (cell // grid.rows + 0.5)
+    y = grid.y + grid.size * (cell % grid.rows + 0.5)
+    least = np.hypot(x - start.x, y - start.y) + np.hypot(x - goal.x, y - goal.y)
+    beyond: bool = least - math.sqrt(2.0) * grid.size > bound
+    return beyond
+
+
+@compiled
 def _walk(
     site: Site,
     i: int,
     sense: float,
     frame: Frame,
+    bound: float,
     mark: int,
     bins: Bins,
     links: list[tuple[int, int]],
@@ -268,7 +279,7 @@ def _walk(
                 x = column if frame.first > 0.0 else columns - 1 - column
                 y = row if frame.second > 0.0 else rows - 1 - row
                 cell = y * grid.rows + x if frame.swapped else x * grid.rows + y
-                if site.dead[cell]:
+                if bound < np.inf and _is_beyond(site, cell, bound):
                     continue
                 alive = True
                 for member in range(grid.first[cell], grid.first[cell + 1]):

@@ -8,8 +8,8 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, shortest_departure
-from ferguson_gym.shortest_paths.tangent_graph import Tracks
+from ferguson_gym.shortest_paths.departures import Departure
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.tangents import Scene
 
 _OUTSIDE = 1e-6
@@ -44,10 +44,14 @@ class ToGoObjective:
 
     def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
         """F, its gradient (3,) and Hessian (3, 3) with respect to (l, P)."""
-        togo = self.togo
-        return _expand(
-            length, end[0], end[1], togo.scene, togo.tracks, togo.field.goal, togo.tolerance
-        )
+        togo, near = self.togo, (float(end[0]), float(end[1]))
+        way = togo.departure(*near)
+        for _ in range(_MAX_MOVES):
+            if way.distance < np.inf:
+                break
+            near = _out_of_discs(togo.scene, *near)
+            way = togo.departure(*near)
+        return _expand(length, end[0], end[1], *near, way)
 
 
 @compiled
@@ -71,15 +75,9 @@ def _out_of_discs(scene: Scene, x: float, y: float) -> tuple[float, float]:
 
 @compiled
 def _expand(
-    length: float, x: float, y: float, scene: Scene, tracks: Tracks, goal: Array, tolerance: float
+    length: float, x: float, y: float, near_x: float, near_y: float, way: Departure
 ) -> tuple[float, Array, Array]:
-    near_x, near_y = x, y
-    way = shortest_departure(scene, tracks, goal, x, y, tolerance)
-    for _ in range(_MAX_MOVES):
-        if way.distance < np.inf:
-            break
-        near_x, near_y = _out_of_discs(scene, near_x, near_y)
-        way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
+    """F and its derivatives at (x, y), given how a path leaves the point that it was moved to."""
     slope, curvature = np.zeros(3), np.zeros((3, 3))
     slope[0] = 1.0
     if way.distance == np.inf:

@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.distance_to_goal import point_view
+from ferguson_gym.shortest_paths.departures import point_view
 from ferguson_gym.shortest_paths.tangents import Records, Scene, View, is_clear, scene
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS

@@ -1,8 +1,11 @@
 """What every path of lines and arcs must be, and random fields of discs to find paths in."""
 
 import numpy as np
+import pytest
 from hypothesis import strategies as st
 
+from ferguson_gym.shortest_paths import distance_to_goal
+from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
@@ -112,3 +115,17 @@ def found(field: Field) -> ShortestPath:
     assert_is_taut(path, field)
     np.testing.assert_array_equal(path.lines[0, 0], field.start)
     return path
+
+
+def from_graph(field: Field) -> DistanceToGoal:
+    """The distance to the goal from the graph of all tangents, however many they are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(distance_to_goal, "FEW", 10**9)
+        return DistanceToGoal(field)
+
+
+def from_search(field: Field) -> DistanceToGoal:
+    """The distance to the goal from a search that is kept, however few discs there are."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(distance_to_goal, "FEW", -1)
+        return DistanceToGoal(field)

@@ -6,24 +6,25 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ferguson_gym.shortest_paths import exact
-from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.shortest_paths.exact import path_from, shortest_path
+from ferguson_gym.shortest_paths.class_search import LONGEST
+from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Discs
-from tests.support.taut_paths import assert_is_taut, fields, random_field, walls
-
-
-@pytest.fixture(autouse=True)
-def _few_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The search is used for every field."""
-    monkeypatch.setattr(exact, "FEW", -1)
+from tests.support.taut_paths import (
+    assert_is_taut,
+    fields,
+    from_graph,
+    from_search,
+    random_field,
+    walls,
+)
 
 
 def assert_agrees(field: Field) -> ShortestPath | None:
-    path, expected = shortest_path(field), DistanceToGoal(field).path(field.start)
+    path, expected = from_search(field).path(field.start), from_graph(field).path(field.start)
     if expected is None:
         assert path is None
         return None
@@ -143,10 +144,12 @@ def test_in_any_field(field: Field) -> None:
 @settings(deadline=None, max_examples=30, derandomize=True)
 def test_no_way_past_a_wall_from_bound_to_bound(wall: np.ndarray) -> None:
     closed = Discs(wall[:, :2] + [40.0, 0.0], wall[:, 2])
-    assert shortest_path(Field(name="wall", obstacles=closed)) is None
+    wide = Field(name="wall", obstacles=closed)
+    assert from_search(wide).path(wide.start) is None
     centers = np.concatenate([closed.centers, closed.centers + np.array([10.0, 0.0])])
     two = Discs(centers, np.tile(wall[:, 2], 2))
-    assert shortest_path(Field(name="walls", obstacles=two)) is None
+    wide = Field(name="walls", obstacles=two)
+    assert from_search(wide).path(wide.start) is None
 
 
 @pytest.mark.parametrize("depth", [-1e-3, 0.0, 1e-9, 1e-6, 9e-6])
@@ -155,7 +158,7 @@ def test_from_points_within_the_tolerance(depth: float, turn: float) -> None:
     disc = Field(name="disc", obstacles=Discs([[50.0, 50.0]], [20.0]))
     outward = np.array([math.cos(turn), math.sin(turn)])
     point = 50.0 + (20.0 - depth) * outward
-    path, expected = path_from(disc, point), DistanceToGoal(disc).path(point)
+    path, expected = from_search(disc).path(point), from_graph(disc).path(point)
     assert path is not None
     assert expected is not None
     assert path.length == pytest.approx(expected.length, rel=1e-9)
@@ -164,9 +167,9 @@ def test_from_points_within_the_tolerance(depth: float, turn: float) -> None:
 
 def test_from_points_outside_the_bounds_by_the_tolerance_and_from_none_beyond() -> None:
     field = random_field(1, 12)
-    togo = DistanceToGoal(field)
+    togo, graph = from_search(field), from_graph(field)
     for point in ([-10.0 - 9e-6, 5.0], [5.0, 110.0 + 9e-6], [-10.0, -10.0], [-11.0, 5.0], [50, 50]):
-        path, expected = path_from(field, point), togo.path(point)
+        path, expected = togo.path(point), graph.path(point)
         assert (path is None) == (expected is None)
         if path is not None and expected is not None:
             assert path.length == pytest.approx(expected.length, rel=1e-9)
@@ -185,3 +188,106 @@ def test_among_thousands_of_discs_the_path_is_taut_and_the_same_both_ways() -> N
     beside = shortest_path(Field(name="mirrored", obstacles=mirrored))
     assert beside is not None
     assert beside.length == pytest.approx(path.length, rel=1e-12)
+
+
+def assert_agree_everywhere(field: Field, points: np.ndarray) -> None:
+    """Queries in any order, each of which continues the same search, agree with the graph."""
+    togo, graph = from_search(field), from_graph(field)
+    distance, gradient = togo(points)
+    expected, slope = graph(points)
+    np.testing.assert_allclose(distance, expected, rtol=1e-9, atol=1e-9)
+    # where the directions differ, two paths are equally short
+    differ = np.flatnonzero(np.abs(gradient - slope).max(axis=1) > 1e-6)
+    for k in differ:
+        step = 1e-4 * np.stack([gradient[k], slope[k]])
+        ahead = graph(points[k] - step)[0]
+        np.testing.assert_allclose(ahead, expected[k] - 1e-4, atol=1e-8)
+    assert len(differ) <= 0.05 * len(points)
+    for point, length in zip(points[:20], distance[:20], strict=True):
+        path = togo.path(point)
+        assert (path is None) == (length == np.inf)
+        if path is not None:
+            assert path.length == pytest.approx(length, rel=1e-12)
+            assert_is_taut(path, field, depth=2e-5)
+
+
+@pytest.mark.parametrize(("least", "most"), [(0.05, 0.2), (0.2, 0.5), (0.3, 0.9), (0.05, 3.0)])
+@pytest.mark.parametrize("number", [1, 30, 250])
+def test_distances_from_points_anywhere(number: int, least: float, most: float) -> None:
+    for seed in range(2):
+        points = np.random.default_rng(seed).uniform(-12.0, 112.0, (150, 2))
+        assert_agree_everywhere(scattered(seed, number, least, most), points)
+
+
+def test_distances_from_points_anywhere_in_a_maze() -> None:
+    points = np.random.default_rng(0).uniform(0.0, 100.0, (150, 2))
+    assert_agree_everywhere(maze(0, 6), points)
+
+
+@given(field=fields())
+@settings(deadline=None, max_examples=60, derandomize=True)
+def test_distances_in_any_field(field: Field) -> None:
+    discs = field.obstacles
+    assert isinstance(discs, Discs)
+    around = np.stack([np.cos(np.arange(5.0)), np.sin(np.arange(5.0))], axis=-1)
+    beside = (discs.centers[:, None] + discs.radii[:, None, None] * around).reshape(-1, 2)
+    grid = np.stack(np.meshgrid(*2 * [np.arange(-10.0, 111.0, 12.0)]), axis=-1).reshape(-1, 2)
+    togo, graph = from_search(field), from_graph(field)
+    for points in (grid, beside, field.goal[None]):
+        np.testing.assert_allclose(togo(points)[0], graph(points)[0], rtol=1e-9, atol=1e-9)
+
+
+def assert_same_classes(field: Field, point: np.ndarray, number: int = 5) -> None:
+    """The classes from the search are those from the graph, but for the longest."""
+    expected = [path.length for path in classes(from_graph(field), point, number)]
+    found = classes(from_search(field), point, number)
+    lengths = [path.length for path in found]
+    short = [length for length in expected if length <= (LONGEST - 1e-6) * expected[0]]
+    np.testing.assert_allclose(lengths[: len(short)], short, rtol=1e-9)
+    assert all(length <= LONGEST * lengths[0] * (1.0 + 1e-9) for length in lengths)
+    for path in found:
+        assert_is_taut(path, field, depth=2e-5)
+
+
+@pytest.mark.parametrize("number", [5, 40, 250])
+def test_classes_are_those_of_the_graph(number: int) -> None:
+    for seed in range(3):
+        field = scattered(seed, number, 0.1, 0.5)
+        for point in np.random.default_rng(seed).uniform(0.0, 100.0, (4, 2)):
+            if np.isfinite(from_graph(field)(point[None])[0][0]):
+                assert_same_classes(field, point)
+
+
+@given(field=fields(most=8))
+@settings(deadline=None, max_examples=60, derandomize=True)
+def test_classes_in_any_field(field: Field) -> None:
+    if from_graph(field).path(field.start) is not None:
+        assert_same_classes(field, field.start, 4)
+
+
+def test_classes_from_the_goal_and_from_inside_a_disc() -> None:
+    togo = from_search(scattered(0, 40, 0.2, 0.5))
+    (path,) = classes(togo, togo.field.goal, 3)
+    assert path.length == 0.0
+    assert classes(togo, togo.field.obstacles.centers[0], 3) == []  # type: ignore[attr-defined]
+
+
+def test_a_search_lost_to_an_interrupt_is_begun_again() -> None:
+    field = scattered(0, 250, 0.2, 0.5)
+    togo = from_search(field)
+    (before,), _ = togo(field.start[None])
+    togo.borrow()
+    (after,), _ = togo(field.start[None])
+    assert after == before
+    assert len(togo.searches) == 1
+
+
+def test_a_query_near_an_earlier_one_makes_few_tangents() -> None:
+    field = scattered(0, 5000, 0.2, 0.5)
+    togo = from_search(field)
+    path = togo.path(field.start)
+    assert path is not None
+    made = togo.searches[0].sizes[0]
+    togo(path.points(0.25)[::20])
+    assert togo.searches[0].sizes[0] <= 1.5 * made
+    assert made < 5 * len(field.obstacles)

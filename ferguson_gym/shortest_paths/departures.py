@@ -1,0 +1,149 @@
+"""How shortest paths leave points of a field whose tangent graph is known.
+
+From a point the shortest path leads straight to the goal, or along a tangent to a disc; the tangent
+graph stores the remaining distance at each of its nodes. Tangents are tried in the order of a lower
+bound on the length of the path, so that few of them are tested for collisions.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, following, sweep
+from ferguson_gym.shortest_paths.tangents import (
+    Records,
+    Scene,
+    View,
+    angle,
+    is_clear,
+    tangent,
+    view,
+)
+
+STRAIGHT, NOWHERE = -1, -2
+"""Values used instead of a track's index: straight to the goal, and no path."""
+
+
+class Departure(NamedTuple):
+    """How a path leaves a point."""
+
+    distance: float
+    """Length of the path to the goal [m]."""
+    ux: float
+    """Unit direction in which it leaves."""
+    uy: float
+    track: int
+    """The track that it reaches first, STRAIGHT or NOWHERE."""
+    at: float
+    """Angle at which it reaches that [rad]."""
+    line: float
+    """Length of its first line [m]."""
+
+
+@compiled
+def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
+    """Whether a point is free, and the discs that lines from the point must avoid.
+
+    A point may lie inside a disc or outside the bounds by at most the tolerance [m]. A line from it
+    may then enter that disc as deep as the point itself.
+    """
+    discs, box = scene.discs, scene.box
+    slack = tolerance - scene.margin
+    free = box[0, 0] - slack <= x <= box[1, 0] + slack
+    free = free and box[0, 1] - slack <= y <= box[1, 1] + slack
+    copied = False
+    for k in range(len(discs)):
+        disc = discs[k]
+        distance = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
+        if distance < disc.radius - tolerance:
+            free = False
+        elif distance < disc.radius:
+            if not copied:
+                discs, copied = discs.copy(), True
+            discs[k].reach = min(disc.reach, distance - scene.margin)
+    return free, discs
+
+
+@compiled
+def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> Departure:
+    """The straight line from a point to the goal, if it is free."""
+    dx, dy = goal[0] - x, goal[1] - y
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
+    ux, uy = dx / distance, dy / distance
+    if is_clear(x, y, ux, uy, distance, distance, discs, around, -1, -1):
+        return Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
+    return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+
+
+@compiled
+def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) -> Departure:
+    """The path from a point to the goal by a given track; collisions are not tested."""
+    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+    length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
+    at = angle(sense, ux, uy)
+    node = following(tracks, track, at)
+    distance = np.inf
+    if node >= 0:
+        distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
+    return Departure(distance, ux, uy, track, at, length)
+
+
+@compiled
+def shortest_departure(
+    scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
+) -> Departure:
+    """How the shortest path from a point to the goal leaves the point."""
+    free, discs = point_view(scene, x, y, tolerance)
+    if not free:
+        return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+    around = view(discs, x, y)
+    best = straight(discs, around, x, y, goal)
+    bounds = np.empty(len(tracks.least))
+    for track in range(len(bounds)):
+        disc = discs[track // 2]
+        square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
+        bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
+    for track in np.argsort(bounds):
+        if bounds[track] >= best.distance:
+            break
+        way = along_track(discs, tracks, track, x, y)
+        i = track // 2
+        if way.distance < best.distance and is_clear(
+            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
+        ):
+            best = way
+    return best
+
+
+@compiled
+def query(
+    scene: Scene, tracks: Tracks, goal: Array, points: Array, tolerance: float
+) -> tuple[Array, Array]:
+    """Distance to the goal (n,) [m] and its gradient (n, 2) at points (n, 2)."""
+    distance, gradient = np.empty(len(points)), np.empty(points.shape)
+    for k in range(len(points)):
+        way = shortest_departure(scene, tracks, goal, points[k, 0], points[k, 1], tolerance)
+        distance[k] = way.distance
+        gradient[k, 0], gradient[k, 1] = -way.ux, -way.uy
+    return distance, gradient
+
+
+@compiled
+def turns_along(tracks: Tracks, way: Departure) -> list[tuple[int, float, float]]:
+    """The turns of a path to the goal: track, and angles where each begins and ends."""
+    turns = [(0, 0.0, 0.0) for _ in range(0)]
+    track, at = way.track, way.at
+    node = GOAL if track == STRAIGHT else following(tracks, track, at)
+    while node != GOAL:
+        node = tracks.leave[node]
+        turns.append((track, at, at + sweep(at, tracks.angle[node])))
+        node = tracks.other[node]
+        if node != GOAL:
+            track, at = tracks.track[node], tracks.angle[node]
+    return turns

@@ -1,0 +1,88 @@
+"""Routes along lines and discs as a search extends them, line by line, and whether they loop."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.tangent_graph import sweep
+from ferguson_gym.shortest_paths.tangents import TWO_PI, Records
+
+MIN_SWEEP = 1e-7
+"""Arcs shorter than this angle [rad] count as touching; arcs within this angle of a full turn count
+as loops."""
+
+
+class Stage(NamedTuple):
+    """A route up to the end of one of its lines."""
+
+    parent: int
+    """The preceding stage, -1 for the first line."""
+    track: int
+    """The track that is reached, STRAIGHT at the goal."""
+    at: float
+    """Angle at which it is reached [rad]."""
+    turn: float
+    """Sweep along the parent's track before the line [rad]."""
+    length: float
+    """Length of the route so far [m]."""
+    x: float
+    """Start of the line [m]."""
+    y: float
+    end_x: float
+    """End of the line [m]."""
+    end_y: float
+
+
+@compiled
+def point_of(discs: Records, track: int, at: float) -> tuple[float, float]:
+    """The point of a track at an angle."""
+    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+    return disc.x + disc.radius * np.cos(at), disc.y + sense * disc.radius * np.sin(at)
+
+
+@compiled
+def _line_length(stage: Stage) -> float:
+    """Length of a stage's line [m]."""
+    long: float = np.hypot(stage.end_x - stage.x, stage.end_y - stage.y)
+    return long
+
+
+@compiled
+def _separated(one: Stage, other: Stage, least: float) -> bool:
+    """Whether the ends of one line lie on different sides of another, `least` [m] away or more."""
+    dx, dy = other.end_x - other.x, other.end_y - other.y
+    least *= _line_length(other)
+    start = dx * (one.y - other.y) - dy * (one.x - other.x)
+    end = dx * (one.end_y - other.y) - dy * (one.end_x - other.x)
+    separated: bool = min(start, end) < -least and max(start, end) > least
+    return separated
+
+
+@compiled
+def has_loop(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
+    """Whether a stage's last arc or line meets an earlier part of its route."""
+    last = stages[index]
+    if last.parent < 0:
+        return False
+    arc = stages[last.parent]
+    # beyond half a turn, the tangents at an arc's ends meet in front of the disc
+    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TWO_PI - last.turn))
+    if last.turn > 0.5 * TWO_PI and min(_line_length(last), _line_length(arc)) > ahead:
+        return True
+    least = 1e-3 * margin  # lines that touch do not cross
+    before, turn = arc.parent, arc.turn
+    while before >= 0:
+        stage = stages[before]
+        if _separated(last, stage, least) and _separated(stage, last, least):
+            return True
+        # this stage's track is left after `turn`
+        if stage.track == arc.track and (
+            sweep(stage.at, arc.at) <= turn or sweep(arc.at, stage.at) <= last.turn
+        ):
+            return True
+        before, turn = stage.parent, stage.turn
+    return False
