@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -9,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ferguson_gym.curves.clearance import clearance, closest
+from ferguson_gym.curves.splines import as_control, to_bezier
 from ferguson_gym.runtime.arrays import Array, GenericArray, finite, frozen, real
 from ferguson_gym.runtime.jit import compiled
 
@@ -47,6 +50,10 @@ class Obstacles(Protocol):
         """Certified clearance from each obstacle and the parameter t there: 2 x (*batch, n)."""
 
 
+MANY = 1000
+"""Among more discs than these, those near a point or segment are looked up by their coordinates."""
+
+
 @compiled
 def _are_free(points: Array, centers: Array, radii: Array) -> NDArray[np.bool_]:
     result = np.ones(len(points), dtype=np.bool_)
@@ -76,6 +83,11 @@ class Discs:
     """Centres (n, D) [m]."""
     radii: Array
     """Radii (n,) [m]."""
+    _sorted: tuple[NDArray[np.int64], Array, float] | None = dataclasses.field(
+        init=False, repr=False, default=None
+    )
+    """Discs in the order of their first coordinate, those coordinates, and the largest radius; made
+    when they are needed first."""
 
     def __post_init__(self) -> None:
         centers = real("centers", self.centers)
@@ -124,7 +136,24 @@ class Discs:
 
     def near(self, point: ArrayLike, reach: float) -> Discs:
         """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
-        return self.only(self.signed_distance(np.asarray(point, dtype=np.float64)) <= reach)
+        point = np.asarray(point, dtype=np.float64)
+        discs = self._slab(point, reach) if len(self) > MANY else self
+        return discs.only(discs.signed_distance(point) <= reach)
+
+    def _slab(self, point: Array, reach: float) -> Discs:
+        """The discs near a point (D,) by their first coordinate alone, in their order."""
+        if self._sorted is None:
+            order = np.argsort(self.centers[:, 0], kind="stable")
+            found = order, self.centers[order, 0], float(self.radii.max())
+            object.__setattr__(self, "_sorted", found)
+        assert self._sorted is not None
+        order, along, largest = self._sorted
+        # wider than necessary, for rounding
+        room = (reach + largest) * (1.0 + 1e-9) + 1e-12 * abs(point[0])
+        first = np.searchsorted(along, point[0] - room)
+        end = np.searchsorted(along, point[0] + room, side="right")
+        chosen = np.sort(order[first:end])
+        return Discs(self.centers[chosen], self.radii[chosen])
 
     def only(self, keep: NDArray[np.bool_]) -> Discs:
         """The obstacles that a mask (n,) selects."""
@@ -136,7 +165,21 @@ class Discs:
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
-        return clearance(control, self.centers, self.radii)
+        control = as_control(control)
+        if len(self) <= MANY or control.shape[-1] != self.dimension or control.size == 0:
+            return clearance(control, self.centers, self.radii)
+        points = to_bezier(control).reshape(-1, self.dimension)
+        # the curves lie in this ball around the middle of their Bézier points
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        reach = (1.0 + 1e-9) * float(np.linalg.norm(points - middle, axis=1).max())
+        room = max(reach, 1e-9)
+        while True:
+            near = self.near(middle, reach + room)
+            least = clearance(control, near.centers, near.radii)
+            # all other discs are at least this far away
+            if len(near) == len(self) or (least <= room).all() or not math.isfinite(room):
+                return least
+            room *= 2.0
 
     def closest(self, control: ArrayLike) -> tuple[Array, Array]:
         """Certified clearance from each disc and its parameter: 2 x (*batch, n)."""
