@@ -2,8 +2,10 @@
 
 As in the paper, three segments are optimised and the first is flown. The objective is the window's
 length plus that of the shortest path from its end, plus a small multiple of the integral of |X''|^2
-over t (`settings`). Initial guesses follow the shortest paths of the best homotopy classes. The
-planner is deterministic.
+over t (`settings`). Initial guesses follow the shortest paths of the best homotopy classes, with
+evenly spaced knots. The cost-to-go of the vehicle is a lower bound on the objective: where a window
+exceeds it by more than the turn into the path explains, or none is feasible, further guesses follow
+the path's turns, and the best window is flown. The planner is deterministic.
 """
 
 from __future__ import annotations
@@ -26,13 +28,25 @@ from planners.interface import Decision, State, WindowReport
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
+from planners.optimization.initial_guesses import shifted
 from planners.optimization.objectives import LengthObjective
+from planners.optimization.quadrature import lengths
+from planners.optimization.route_knots import turn_aligned
 from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, final_window
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_in import turn_in_routes
 from planners.rollout import StepByStep, ends_on_goal, remaining_plan
 from planners.whole_path.exact import SPACING
+from planners.whole_path.route_fit import CLOSE
+
+_TURN = 0.1
+"""Excess that the turn from the vehicle's heading into the shortest path needs, by measurement: in
+multiples of |X'| (1 - cos of the angle)."""
+_AHEAD = 3.0
+"""Length of the part of a path to whose turns guesses are aligned, in longest segments."""
+_MOST_TURN = 0.04
+"""Upper limit of this excess, relative to the shortest segment."""
 
 
 class Start(NamedTuple):
@@ -42,6 +56,42 @@ class Start(NamedTuple):
     window: Window
     guess: Array
     """Segments (n, 4, 2)."""
+
+
+class _Choice(NamedTuple):
+    """A start and the feasible chain found from it."""
+
+    start: Start
+    end: Certified
+    step: Step
+    """Its first segment as flown."""
+
+    @property
+    def objective(self) -> float:
+        """Of the window: the chain's length and the cost-to-go of its end [m]."""
+        return self.end.solution.objective
+
+
+class _Bound(NamedTuple):
+    """A lower bound on the objective of windows."""
+
+    togo: float
+    """The exact cost-to-go of the vehicle [m]."""
+    turn: float
+    """Length [m] that the turn from the vehicle's heading into the shortest path needs."""
+
+    @classmethod
+    def of(cls, field: Field, state: State, limits: Limits) -> _Bound:
+        """The bound in a state."""
+        (togo,), (gradient,) = distance_to_go(field)(state.vehicle.position[None])
+        derivative = state.vehicle.derivative
+        turn = _TURN * float(np.linalg.norm(derivative) + derivative @ gradient)
+        return cls(float(togo), min(turn, _MOST_TURN * limits.shortest))
+
+    def excess(self, choice: _Choice) -> float:
+        """Objective of a choice beyond the bound, relative to the length of its chain."""
+        length = float(lengths(choice.end.control).sum())
+        return (choice.objective - self.togo - self.turn) / length
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,19 +129,87 @@ class Guided(StepByStep):
             return Decision(left[0], _report(state, began, []), first_step=left[1])
         tried: list[tuple[str, Array]] = []
         ends: list[Certified] = []
+        best: _Choice | None = None
         for start in self.starts(field, state):
-            tried.append((start.name, start.guess))
-            ends += self.solver.solve(start.window, [start.guess])
-            if not ends[-1].feasible:
-                continue
-            chain = ends[-1].control
-            step = self._fly(field, state.vehicle, chain[0])
-            if step is not None and self._can_be_continued(field, chain):
-                report = _report(state, began, ends, start)
-                return Decision(chain, report, tried, first_step=step)
+            best = self._attempt(field, state, start, tried, ends)
+            if best is not None:
+                break
+        bound = _Bound.of(field, state, self.limits)
+        if best is None or bound.excess(best) > CLOSE:
+            for start in self._aligned_starts(field, state):
+                other = self._attempt(field, state, start, tried, ends)
+                if other is None or (best is not None and other.objective >= best.objective):
+                    continue
+                best = other
+                if bound.excess(best) <= 2.0 * CLOSE:
+                    break
+        if best is not None:
+            report = _report(state, began, ends, best)
+            return Decision(best.end.control, report, tried, first_step=best.step)
         # no window has a solution, but the rest of the last plan may still be feasible
         rest, first = self._remaining(field, state) or (None, None)
         return Decision(rest, _report(state, began, ends), tried, first_step=first)
+
+    def _attempt(
+        self,
+        field: Field,
+        state: State,
+        start: Start,
+        tried: list[tuple[str, Array]],
+        ends: list[Certified],
+    ) -> _Choice | None:
+        """Solve a window; None without a feasible chain that can be continued."""
+        tried.append((start.name, start.guess))
+        (end,) = self.solver.solve(start.window, [start.guess])
+        ends.append(end)
+        if not end.feasible:
+            return None
+        step = self._fly(field, state.vehicle, end.control[0])
+        if step is None or not self._can_be_continued(field, end.control):
+            return None
+        return _Choice(start, end, step)
+
+    def _aligned_starts(self, field: Field, state: State) -> Iterator[Start]:
+        """Windows whose guesses follow turns: the last plan extended, then the best classes.
+
+        There are none with a minimum turn radius, which paths with such turns would violate.
+        """
+        if self.min_turn_radius is not None:
+            return
+        vehicle, tail = state.vehicle, state.tail[: self.settings.segments - 1]
+        if len(tail):
+            rest = shifted(vehicle, tail, len(tail))
+            flown = vehicle.segments + len(tail)
+            end = transition.State(rest[-1, 1], rest[-1, 3], flown)
+            path = distance_to_go(field).path(end.position)
+            if path is not None and path.length >= self.limits.shortest:
+                yield from self._followed("extended plan", field, vehicle, rest, end, path)
+        for rank, path in self._class_paths(field, state):
+            begun = np.empty((0, 4, 2))
+            yield from self._followed(
+                f"turns of class {rank}", field, vehicle, begun, vehicle, path
+            )
+
+    def _followed(
+        self,
+        name: str,
+        field: Field,
+        vehicle: transition.State,
+        begun: Array,
+        end: transition.State,
+        path: ShortestPath,
+    ) -> Iterator[Start]:
+        """Windows of some segments (n, 4, 2) and those that follow a path from their end."""
+        # one segment more than usual: the objective ignores the direction at the end of the last
+        most = self.settings.segments + 1
+        points, share = _first_part(path.points(SPACING), _AHEAD * self.limits.longest)
+        left = math.ceil(share * (self.limits.segments - end.segments))
+        for chain in turn_aligned(end, points, field.obstacles, self.limits, left):
+            whole = np.concatenate([begun, chain])
+            final = share == 1.0 and len(whole) <= most
+            make = self._final_window if final else self.window
+            guess = whole[:most]
+            yield Start(name, make(field, vehicle, len(guess)), guess)
 
     def starts(self, field: Field, state: State) -> Iterator[Start]:
         """Windows along shortest paths, best class first; guesses on the path and to both sides."""
@@ -171,7 +289,7 @@ class Guided(StepByStep):
 
     def _can_be_continued(self, field: Field, chain: Array) -> bool:
         """Whether a chain (n, 4, 2) ends on the goal, or a feasible segment continues it."""
-        if np.array_equal(chain[-1, 1], field.goal):
+        if len(chain) > self.settings.segments or np.array_equal(chain[-1, 1], field.goal):
             return True
         end = transition.State(chain[-1, 1], chain[-1, 3])
         path = distance_to_go(field).path(end.position)
@@ -190,10 +308,17 @@ class Guided(StepByStep):
         return any(further.feasible for further in ends)
 
 
+def _first_part(points: Array, length: float) -> tuple[Array, float]:
+    """The first part of a route (m, 2), at least `length` [m] if it is so long, and its share."""
+    way = np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))
+    last = min(int(np.searchsorted(way, length)), len(way) - 1)
+    return points[: last + 2], float(way[last] / way[-1])
+
+
 def _report(
-    state: State, began: float, ends: list[Certified], chosen: Start | None = None
+    state: State, began: float, ends: list[Certified], chosen: _Choice | None = None
 ) -> WindowReport:
-    """The report on some searches; the last of them belongs to the chosen start, if any."""
+    """The report on some searches; and on the choice among them, if any."""
     report = WindowReport(
         step=state.vehicle.segments,
         start="" if ends else "planned",
@@ -206,9 +331,9 @@ def _report(
         return report
     return replace(
         report,
-        start=chosen.name,
-        objective=ends[-1].solution.objective,
-        final=isinstance(chosen.window.objective, LengthObjective),
-        rounds=ends[-1].rounds,
-        solver_status=ends[-1].solution.status,
+        start=chosen.start.name,
+        objective=chosen.end.solution.objective,
+        final=isinstance(chosen.start.window.objective, LengthObjective),
+        rounds=chosen.end.rounds,
+        solver_status=chosen.end.solution.status,
     )

@@ -1,5 +1,8 @@
 """Fitting of Ferguson chains to a route: knots on it, then all segments optimised together.
 
+Evenly spaced knots are tried first. Where they fail, or leave a chain longer than its route, knots
+are placed where the route turns, and the best chain is kept.
+
 The route only determines on which side obstacles are passed: the chain is the shortest that the
 optimiser finds nearby. So planners are compared by the homotopy class that they choose, not by how
 smooth their routes are.
@@ -15,11 +18,14 @@ from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, Limits, transition
 from planners.optimization import MultiStart, along_route, offset_guesses
+from planners.optimization.route_knots import turn_aligned
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, final_window
 
 SPACINGS = (11.0, 9.0, 13.0, 7.0, 5.0)
 """Segment lengths of initial guesses [m], tried in turn until one leads to a chain."""
+CLOSE = 1e-3
+"""Excess of a chain's length over that of its route, relative to it, that needs no other guess."""
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
@@ -32,6 +38,24 @@ def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) 
     left = limits.segments - vehicle.segments
     if left < 1:
         return None
+    best = _fit_evenly(points, field, vehicle, limits)
+    enough = (1.0 + CLOSE) * _chord_length(points)
+    if best is not None and Path(best).length <= enough:
+        return best
+    for guess in turn_aligned(vehicle, points, field.obstacles, limits, left):
+        chain = _optimised(guess, field, vehicle, limits)
+        if chain is not None and (best is None or Path(chain).length < Path(best).length):
+            best = chain
+            if Path(best).length <= enough:
+                break
+    return best
+
+
+def _fit_evenly(
+    points: Array, field: Field, vehicle: transition.State, limits: Limits
+) -> Array | None:
+    """Fit a chain from evenly spaced knots, with as many segments as its own length needs."""
+    left = limits.segments - vehicle.segments
     chain = _fit(points, field, vehicle, limits)
     if chain is None:
         return None
@@ -45,7 +69,7 @@ def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) 
 
 def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
     """Fit a chain with about as many segments as the length of the route needs."""
-    whole = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    whole = _chord_length(points)
     tried: set[int] = set()
     for spacing in SPACINGS:
         left = limits.segments - vehicle.segments
@@ -53,12 +77,25 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         if segments in tried:
             continue
         tried.add(segments)
-        window = final_window(field, vehicle, limits, SMOOTH, segments)
         on_route = along_route(vehicle, points, segments, whole)
         # a straight guess that is too short gives the optimiser no direction in which to lengthen
         # it
         for guess in (on_route, *offset_guesses(on_route, SIDE_OFFSET)):
-            (end,) = SOLVER.solve(window, [guess])
-            if end.feasible:
-                return end.control
+            chain = _optimised(guess, field, vehicle, limits)
+            if chain is not None:
+                return chain
     return None
+
+
+def _optimised(
+    guess: Array, field: Field, vehicle: transition.State, limits: Limits
+) -> Array | None:
+    """The shortest feasible chain near a guess (n, 4, 2) that ends on the goal, None if none."""
+    window = final_window(field, vehicle, limits, SMOOTH, len(guess))
+    (end,) = SOLVER.solve(window, [guess])
+    return end.control if end.feasible else None
+
+
+def _chord_length(points: Array) -> float:
+    """The length of a route (m, 2) [m]."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())

@@ -31,8 +31,9 @@ in every derivative."""
 _PRICE = 1e4
 """nu. DAQP applies it to rows scaled by H, which does not matter: where the constraints can be
 satisfied, any sufficiently large penalty gives the same step."""
-_ITERATIONS = 300
-"""Maximum number of iterations of DAQP, which might otherwise cycle."""
+_ITERATIONS, _ITERATIONS_EACH = 300, 15
+"""Maximum number of iterations of DAQP, which might otherwise cycle; and at least so many for each
+unknown."""
 _SOFT = 8
 """DAQP's flag for soft constraints."""
 
@@ -124,7 +125,7 @@ def solve(
         rows.lower[:end],
         rows.sense[:end],
         primal_tol=1e-9,
-        iter_limit=_ITERATIONS,
+        iter_limit=max(_ITERATIONS, _ITERATIONS_EACH * len(x)),
         rho_soft=1e4,
         w_soft=_PRICE,
     )

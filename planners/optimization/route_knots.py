@@ -1,0 +1,170 @@
+"""Initial guesses whose segments follow the turns of a route, found by dynamic programming.
+
+Evenly spaced knots suit routes with few turns. In a slalom, a segment between two of them may have
+to follow three turns, which no cubic does. Here the knots lie on a grid along the route, and the
+chain is tangent to it; of all these chains the cheapest is found, by length and by depth in discs.
+Where the state's derivative points away from the route, the first knot may lie beside it.
+
+Reference:
+    Bellman (1961), On the approximation of curves by line segments using dynamic programming,
+    Communications of the ACM 4.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.world import Limits, State
+from ferguson_gym.world.obstacles import Discs, Obstacles
+from planners.optimization.knot_costs import (
+    DEPTH_PRICE,
+    Grid,
+    cheapest,
+    costs,
+    costs_by_entry,
+    entries,
+)
+
+_INTERVALS = 6
+"""Intervals of the grid in a shortest segment."""
+_SPEEDS = 6
+"""Number of lengths of derivatives, from the shortest to the longest segment."""
+_SEGMENT_PRICE = 0.003
+"""Price of a segment, relative to the shortest one."""
+_ENTRY_PRICES = (DEPTH_PRICE, 30.0)
+"""Prices of the depth of the first segment, from lenient to strict: close to an obstacle, the
+optimiser can repair some depths and not others."""
+_OFFSETS = np.array([-0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4])
+"""Distances of entries from the route, relative to the shortest segment."""
+_ANGLES = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
+"""Angles between entries and the route [rad]."""
+_ENTRY_SPEEDS = 9
+"""Number of lengths of derivatives of entries."""
+_FASTEST = 3.0
+"""Greatest derivative of an entry, relative to the longest segment."""
+_BLOCK = 32
+"""Number of neighbouring points whose discs are looked up together."""
+_ENTRIES = 200
+"""Number of entries kept."""
+
+
+def turn_aligned(
+    state: State, points: Array, discs: Obstacles, limits: Limits, segments: int
+) -> Iterator[Array]:
+    """Chains (n, 4, 2) along a route whose segments end where it is best to follow its turns.
+
+    Args:
+        state: from which the chains start.
+        points: (m, 2) of the route [m]; they begin at the state.
+        discs: which the chains avoid as well as cubics between such knots can.
+        limits: of segments; their lengths are kept along the route.
+        segments: maximum number n of segments.
+
+    Yields:
+        Up to three different chains, which need not be feasible: with all knots on the route, then
+        with a first knot that may lie beside it. There are none if the route is shorter than a
+        segment or has no chain of so many segments near it.
+
+    Raises:
+        TypeError: obstacles other than discs.
+    """
+    if not isinstance(discs, Discs):
+        raise TypeError(f"guesses along turns need discs, not {type(discs).__name__}")
+    grid = _grid(points, discs, limits)
+    last = len(grid.points) // 2
+    if last < grid.few or grid.many < grid.few:
+        return
+    speeds = np.geomspace(limits.shortest, limits.longest, _SPEEDS)
+    most = min(segments, last // grid.few)
+    price = _SEGMENT_PRICE * limits.shortest
+    cost = costs(grid, state.derivative, speeds, limits.shortest)
+    seen: list[Array] = []
+    for way in (None, *_ENTRY_PRICES):
+        entry = np.empty((0, 2, 2))
+        second, which = np.full((last + 1, len(speeds)), np.inf), np.zeros((0, 0), np.int64)
+        if way is not None:
+            entry, second, which = _by_entry(grid, state, discs, limits, speeds, way)
+        knots, speed = cheapest(cost, second, grid.few, most, price)
+        if len(knots) == 0:
+            continue
+        where = grid.points[2 * knots]
+        slope = speeds[speed, None] * grid.tangents[2 * knots]
+        where[0], slope[0] = state.position, state.derivative
+        if knots[1] == 0:  # the first knot is an entry
+            where[1], slope[1] = entry[which[knots[2], speed[2]]]
+        chain = np.stack([where[:-1], where[1:], slope[:-1], slope[1:]], axis=1)
+        if not any(np.array_equal(chain, other) for other in seen):
+            seen.append(chain)
+            yield chain
+
+
+def _grid(points: Array, discs: Discs, limits: Limits) -> Grid:
+    """Knots and the points halfway between them, on a route (m, 2), with the discs nearby."""
+    chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    way = np.concatenate([[0.0], np.cumsum(chords)])
+    intervals = max(1, round(float(way[-1]) * _INTERVALS / limits.shortest))
+    at = np.linspace(0.0, way[-1], 2 * intervals + 1)
+    fine = np.column_stack([np.interp(at, way, axis) for axis in points.T])
+    tangent = np.gradient(fine, axis=0)
+    tangent /= np.maximum(np.linalg.norm(tangent, axis=1), 1e-12)[:, None]
+    interval = max(2.0 * float(at[1]), 1e-9)
+    cut = np.linalg.norm(np.diff(fine, axis=0), axis=1)
+    return Grid(
+        points=fine,
+        tangents=tangent,
+        way=np.concatenate([[0.0], np.cumsum(cut)]),
+        near=_near(fine, discs, limits.shortest),
+        few=math.ceil(limits.shortest / interval - 1e-6),
+        many=math.floor(limits.longest / interval + 1e-6),
+    )
+
+
+def _near(points: Array, discs: Discs, reach: float) -> Array:
+    """Discs (points, most, 3), centre and radius, at most `reach` [m] from each point.
+
+    Rows of missing discs have the radius -1.
+    """
+    blocks: list[Array] = []
+    for first in range(0, len(points), _BLOCK):
+        block = points[first : first + _BLOCK]
+        middle = 0.5 * (block.min(axis=0) + block.max(axis=0))
+        far = float(np.linalg.norm(block - middle, axis=1).max())
+        around = discs.near(middle, far + reach) if len(discs) else discs
+        rows = np.column_stack([around.centers, around.radii])
+        close = around.signed_distance(block) <= reach
+        number = close.sum(axis=1)
+        near = np.full((len(block), int(number.max(initial=0)), 3), -1.0)
+        point, disc = np.nonzero(close)
+        place = np.arange(len(point)) - np.repeat(np.cumsum(number) - number, number)
+        near[point, place] = rows[disc]
+        blocks.append(near)
+    most = max(1, *(near.shape[1] for near in blocks))
+    out = np.full((len(points), most, 3), -1.0)
+    for k, near in enumerate(blocks):
+        out[k * _BLOCK : k * _BLOCK + len(near), : near.shape[1]] = near
+    return out
+
+
+def _by_entry(
+    grid: Grid, state: State, discs: Discs, limits: Limits, speeds: Array, depth_price: float
+) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Entries (n, 2, 2), point and derivative; and the cost of two segments by way of the best.
+
+    The cost is that to a knot and a speed, (knots, speeds), followed by the entry's index.
+    """
+    around = discs.near(state.position, limits.longest)
+    local = np.column_stack([around.centers, around.radii]) if len(around) else -np.ones((1, 3))
+    fast = np.geomspace(limits.shortest, _FASTEST * limits.longest, _ENTRY_SPEEDS)
+    offsets = limits.shortest * _OFFSETS
+    knot, entry, cost = entries(
+        grid, state.derivative, offsets, _ANGLES, fast, local, depth_price, limits.shortest
+    )
+    best = np.argsort(cost, kind="stable")[:_ENTRIES]
+    knot, entry, cost = knot[best], entry[best], cost[best]
+    second, which = costs_by_entry(grid, knot, entry, cost, speeds, limits.shortest)
+    return entry, second, which
