@@ -37,7 +37,6 @@ from ferguson_gym.world import transition as flight
 from ferguson_gym.world.actions import decode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.limits import PAPER_LIMITS
 
 FIELD = "standard/validation:8"
 OPTIMISER, AGENT, EXACT = "multi-start", "best", "guided"
@@ -172,7 +171,7 @@ def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
         feasible = flights.flying | flights.arrived
         for k, action, fine in zip(which.tolist(), actions, feasible, strict=True):
             if fine:
-                control = decode(action, *states[k], field.goal, PAPER_LIMITS.gate)
+                control = decode(action, *states[k], field.goal, field.limits.gate)
                 states[k] = control[1], control[3]
                 curves[k].append(evaluate(control, _T))
         perturbations = perturbations[flights.flying]

@@ -18,9 +18,9 @@ from rich.console import Console
 from rich.table import Table
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import START_SPEED, Field
+from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.paper_fields import TABLE_I
 from ferguson_gym.world.transition import State
 from planners.interface import Plan, initial_state
@@ -55,7 +55,14 @@ def in_a_random_direction(
 
 def leaving_with(speed: float, field: Field) -> Field:
     """The field with a start derivative of another length."""
-    return replace(field, start_derivative=field.departure * speed / START_SPEED)
+    return replace(
+        field, start_derivative=field.departure * speed / np.linalg.norm(field.departure)
+    )
+
+
+def with_gate(gate: float, field: Field) -> Field:
+    """The field with another gate [m]."""
+    return field.with_limits(gate=gate)
 
 
 def unchanged(field: Field) -> Field:
@@ -66,8 +73,8 @@ def unchanged(field: Field) -> Field:
 Change = Callable[[Field], Field]
 VARIANTS: dict[str, tuple[RecedingHorizon, Change]] = {
     "as shipped": (RecedingHorizon(), unchanged),
-    "gate 0.5 m": (RecedingHorizon(limits=replace(PAPER_LIMITS, gate=0.5)), unchanged),
-    "gate 2 m": (RecedingHorizon(limits=replace(PAPER_LIMITS, gate=2.0)), unchanged),
+    "gate 0.5 m": (RecedingHorizon(), partial(with_gate, 0.5)),
+    "gate 2 m": (RecedingHorizon(), partial(with_gate, 2.0)),
     "start derivative 2 m": (RecedingHorizon(), partial(leaving_with, 2.0)),
     "start derivative 12 m": (RecedingHorizon(), partial(leaving_with, 12.0)),
     "guesses: along next step": (RecedingHorizon(random_guess=along_the_next_step), unchanged),

@@ -19,7 +19,7 @@ import argparse
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -104,8 +104,9 @@ def fly(field: Field, index: int, count: int) -> dict[str, Flown]:
     for name, variant in variants().items():
         if index < variant.share * count:
             began = time.process_time()
-            plan = variant.planner.plan(field, initial_state(field), 0)
-            flights[name] = told(plan, field, time.process_time() - began)
+            flown = replace(field, limits=variant.limits)
+            plan = variant.planner.plan(flown, initial_state(flown), 0)
+            flights[name] = told(plan, flown, time.process_time() - began)
     return flights
 
 

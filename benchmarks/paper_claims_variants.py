@@ -10,7 +10,6 @@ import math
 from dataclasses import dataclass, replace
 
 from agents.flights.metrics import Interval
-from ferguson_gym.world import transition
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from planners.interface import Planner
 from planners.optimization.certification import WindowSolver
@@ -32,6 +31,7 @@ class Variant:
 
     planner: Planner
     share: float = 1.0
+    limits: Limits = PAPER_LIMITS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,19 +66,10 @@ def _limits(longest: float) -> Limits:
 
 
 def _many(starts: int = 10, alpha: float = 0.2, longest: float = 15.0) -> Variant:
-    # an action reaches no farther than the paper's longest segment
-    follow = (
-        transition.fly_segment if longest <= PAPER_LIMITS.longest else transition.follow_exactly
+    planner = RecedingHorizon(
+        random_starts=starts, solver=SEARCH, settings=WindowSettings(alpha=alpha)
     )
-    return Variant(
-        RecedingHorizon(
-            random_starts=starts,
-            solver=SEARCH,
-            settings=WindowSettings(alpha=alpha),
-            limits=_limits(longest),
-            follow=follow,
-        )
-    )
+    return Variant(planner, limits=_limits(longest))
 
 
 def _from_random(solver: WindowSolver = SEARCH) -> RecedingHorizon:

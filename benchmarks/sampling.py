@@ -14,7 +14,6 @@ import numpy as np
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import initial_state
 from planners.optimization.initial_guesses import shifted
 from planners.optimization.reference.slsqp import Slsqp
@@ -31,7 +30,7 @@ def main(seeds: int) -> None:
             for state in plan.states:
                 if not 1 <= len(state.tail) <= 2 or (state.tail[-1, 1] == field.goal).all():
                     continue
-                window = horizon_window(field, state.vehicle, PAPER_LIMITS, WindowSettings(), 3)
+                window = horizon_window(field, state.vehicle, WindowSettings(), 3)
                 problem = window.sampled()
                 guess = problem.chain.unknowns(shifted(state.vehicle, state.tail, 3))
                 solution = Slsqp().solve(problem, guess)

@@ -21,7 +21,7 @@ import numpy as np
 from agents.flights import Flight, fly
 from agents.policies import Policy, make_policy, planner_policy
 from ferguson_gym.curves.arc_length import length
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits, get_fields, is_feasible
+from ferguson_gym.world import Field, get_fields, is_feasible
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.optimization.initial_guesses import catmull_rom
 from planners.rollout import ends_on_goal, remaining_plan, roll_out
@@ -33,7 +33,6 @@ class Shooting:
 
     chains: int = 1000
     turn: float = 0.8  # of each step against the one before, standard deviation [rad]
-    limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Decide, fly, decide again: what every planner that decides step by step does."""
@@ -43,20 +42,22 @@ class Shooting:
         """The next segments; those planned before stay if no chain is better."""
         began, vehicle = time.perf_counter(), state.vehicle
         stream = np.random.default_rng([seed, vehicle.segments])  # the same seed, the same flight
-        to_goal = field.goal - vehicle.position
-        shape = self.chains, int(np.clip(np.linalg.norm(to_goal) // 5.0, 1, 3))
+        to_goal, longest = field.goal - vehicle.position, field.limits.longest
+        shape = self.chains, int(np.clip(np.linalg.norm(to_goal) // (longest / 3.0), 1, 3))
 
         turns = stream.normal(0.0, self.turn, shape)
         angles = np.arctan2(to_goal[1], to_goal[0]) + turns.cumsum(axis=1)
         steps = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-        steps *= stream.uniform(4.0, 12.0, shape)[..., None]
+        steps *= stream.uniform(0.27, 0.8, shape)[..., None] * longest
         points = vehicle.position + np.insert(steps.cumsum(axis=1), 0, 0.0, axis=1)
         points[::4, -1] = field.goal  # a quarter of them try to arrive
         chains = catmull_rom(vehicle, points)  # with derivatives: (chains, segments, 4, 2)
-        chains = chains[is_feasible(chains, field, self.limits, tolerance=1e-6).all(axis=1)]
+        chains = chains[
+            is_feasible(chains, field, tolerance=0.1 * field.limits.tolerance).all(axis=1)
+        ]
 
         best = chains[cost(chains, field).argmin()] if len(chains) else None
-        rest = remaining_plan(field, state, self.limits) if ends_on_goal(field, state) else None
+        rest = remaining_plan(field, state) if ends_on_goal(field, state) else None
         if rest is not None and (best is None or cost(rest[0], field) < cost(best, field)):
             best = rest[0]
         seconds = time.perf_counter() - began

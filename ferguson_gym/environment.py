@@ -87,6 +87,12 @@ class ObstacleField(gym.Env[Any, Action]):
     vehicle, the nearest to that point first. From rays a plain network learns to fly; from discs it
     learns almost nothing in the same number of steps (docs/learnability.md).
 
+    ## Scale
+    Lengths in the two sections above hold for fields whose longest segment is 15 m, the default. A
+    field with other limits (`Field.limits`, the key `limits` of a JSON file) has its own scale: the
+    reach of actions, `view` and `focus` are multiplied by its longest segment / 15 m, so that a
+    field and its scaled copy give the same observations and rewards for the same actions.
+
     ## Reward
     `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
     distance to the goal, length the segment's arc length and D the straight distance from start to
@@ -174,8 +180,8 @@ class ObstacleField(gym.Env[Any, Action]):
     | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1; or the fields to draw |
     | `obstacles` | None | number of obstacles, instead of the suite's |
     | `radii` | None | their (minimum, maximum) radius [m], instead of the suite's |
-    | `gate` | 1.0 | distance [m] from the goal within which an end point is moved onto it |
-    | `segments` | 40 | maximum number of segments of a flight |
+    | `gate` | None | distance [m] from the goal within which an end point is moved onto it |
+    | `segments` | None | maximum number of segments of a flight |
     | `observation` | rays | or discs, or both |
     | `nearest` | 12 | number of obstacles observed |
     | `focus` | 0.0 | distance ahead of the vehicle [m] of the point to which they are nearest |
@@ -185,6 +191,9 @@ class ObstacleField(gym.Env[Any, Action]):
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
     | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
     | `render_mode` | None | or human, rgb_array, rgb_array_list |
+
+    Without `gate` and `segments`, the limits of each field hold: 1 m and 40 segments in those of
+    the suites.
 
     ```python
     import gymnasium as gym

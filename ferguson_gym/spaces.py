@@ -41,7 +41,7 @@ def with_steps(spec: EnvSpec | None, settings: Settings) -> EnvSpec | None:
     """
     if spec is None:
         return None
-    return dataclasses.replace(spec, max_episode_steps=int(settings.segments))
+    return dataclasses.replace(spec, max_episode_steps=settings.max_segments)
 
 
 def as_actions(action: ArrayLike, shape: tuple[int, ...]) -> Action:

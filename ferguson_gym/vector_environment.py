@@ -382,4 +382,6 @@ def _limited(settings: Settings, steps: int | None) -> Settings:
         return settings
     if type(steps) is bool or not isinstance(steps, (int, np.integer)) or steps < 1:
         raise ValueError(f"max_episode_steps must be an integer >= 1, got {truncate_repr(steps)}")
-    return replace(settings, segments=min(settings.segments, int(steps)))
+    if steps >= settings.max_segments:
+        return settings
+    return replace(settings, segments=int(steps))

@@ -15,13 +15,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits, fly_segment, is_feasible
+from ferguson_gym.world import Field, fly_segment, is_feasible
 from planners.interface import Plan, Planner, Replanner, State, initial_state
 
 
-def check_planner(
-    planner: Planner, field: Field, seed: int = 0, limits: Limits = PAPER_LIMITS
-) -> Plan:
+def check_planner(planner: Planner, field: Field, seed: int = 0) -> Plan:
     """Check a planner in one field. Choose a field that it solves: most rules concern solved plans.
 
     - A plan is a feasible chain from the given state, and a solved plan ends on the goal.
@@ -32,8 +30,6 @@ def check_planner(
     - The first segment that a replanner decides is the first of its plan.
     - Planning changes neither the field nor the state.
 
-    `limits` are those of the planner's segments.
-
     Returns:
         The plan from the start of the field.
 
@@ -43,7 +39,7 @@ def check_planner(
     state = initial_state(field)
     before = _numbers(field, state)
     plan = planner.plan(field, state, seed)
-    _check_plan(plan, field, state, limits)
+    _check_plan(plan, field, state)
     again = planner.plan(field, state, seed)
     assert np.array_equal(again.control, plan.control), "the same seed gives the same plan"
     if isinstance(planner, Replanner):
@@ -58,17 +54,17 @@ def check_planner(
         assert arrived, "a flight on the goal is solved without a segment"
         vehicle = plan.states[middle].vehicle
         for odd in (State(vehicle), State(replace(vehicle, derivative=0.0 * vehicle.derivative))):
-            _check_plan(planner.plan(field, odd, seed), field, odd, limits)
+            _check_plan(planner.plan(field, odd, seed), field, odd)
     assert _numbers(field, state) == before, "planning changes neither the field nor the state"
     return plan
 
 
-def _check_plan(plan: Plan, field: Field, state: State, limits: Limits) -> None:
+def _check_plan(plan: Plan, field: Field, state: State) -> None:
     """Check that a plan is a feasible chain from a state, and that it ends as it reports."""
     control = plan.control
     assert control.shape[1:] == (4, 2), f"segments have shape (n, 4, 2), got {control.shape}"
     assert len(plan.states) == len(control) + 1, "a plan has one state more than segments"
-    assert is_feasible(control, field, limits).all(), "every segment of a plan is feasible"
+    assert is_feasible(control, field).all(), "every segment of a plan is feasible"
     if len(control):
         start = np.stack([state.vehicle.position, state.vehicle.derivative])
         assert np.array_equal(control[0, [0, 2]], start), "a plan leaves from the given state"
@@ -77,7 +73,9 @@ def _check_plan(plan: Plan, field: Field, state: State, limits: Limits) -> None:
     if plan.certificates is not None:
         assert len(plan.certificates) == len(control), "one certificate for each segment"
     end = plan.states[-1].vehicle
-    assert end.segments <= limits.segments, "a plan has no more segments than the limits allow"
+    assert end.segments <= field.limits.segments, (
+        "a plan has no more segments than the limits allow"
+    )
     if plan.success:
         assert np.array_equal(end.position, field.goal), "a solved plan ends on the goal"
 
@@ -89,7 +87,7 @@ def _check_decision(planner: Replanner, field: Field, state: State, seed: int, p
         assert len(plan.control) == 0, "if decide finds no segment, plan returns none"
         return
     vehicle, first = state.vehicle, decision.chain[0]
-    step = decision.first_step or fly_segment(field, vehicle, first, planner.limits)
+    step = decision.first_step or fly_segment(field, vehicle, first)
     same = np.array_equal(step.control[None] if step.flown else [], plan.control[:1])
     assert same, "the first segment that a replanner decides is the first of its plan"
 

@@ -22,7 +22,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
-from ferguson_gym.world import Field, Inspection, Limits, Outcome, transition
+from ferguson_gym.world import Field, Inspection, Outcome, transition
 
 
 class Status(Enum):
@@ -225,7 +225,7 @@ class Planner(Protocol):
     - Random numbers depend only on (seed, step), step being the number of segments flown. The same
       arguments give the same plan, and planning from `Plan.states[k]` gives the rest of the plan.
     - Planning works from any state: without a flown path, with a vehicle at rest, on the goal (the
-      plan is then solved and empty), or after the last segment that the limits allow.
+      plan is then solved and empty), or after the last segment that the field's limits allow.
     - Planning changes neither the field nor the state.
     """
 
@@ -236,10 +236,6 @@ class Planner(Protocol):
 @runtime_checkable
 class Replanner(Planner, Protocol):
     """A planner that decides one segment at a time, from the state that was reached."""
-
-    @property
-    def limits(self) -> Limits:
-        """Bounds on a segment."""
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones."""

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Limits, Outcome, is_feasible
-from ferguson_gym.world.transition import Follow, Step, fly_segment
+from ferguson_gym.world import Field, Outcome, is_feasible
 from ferguson_gym.world.transition import State as Vehicle
+from ferguson_gym.world.transition import Step, fly_segment
 from planners.interface import Decision, Plan, Replanner, State, Status
 from planners.optimization.initial_guesses import shifted
 
@@ -35,9 +35,7 @@ def successor(state: State, chain: Array, vehicle: Vehicle) -> State:
     return State(vehicle, chain[1:], np.concatenate([state.flown, np.stack(segment)[None]]))
 
 
-def remaining_plan(
-    field: Field, state: State, limits: Limits, follow: Follow = fly_segment
-) -> tuple[Array, Step] | None:
+def remaining_plan(field: Field, state: State) -> tuple[Array, Step] | None:
     """The segments (n, 4, 2) of an earlier plan still to be flown, and the first one as flown.
 
     None if nothing is left, or if it is infeasible from the state reached. All segments are
@@ -48,9 +46,9 @@ def remaining_plan(
         return None
     chain = shifted(state.vehicle, state.tail, len(state.tail))
     # with the full tolerance, since rounding may have moved the start
-    if not is_feasible(chain, field, limits).all():
+    if not is_feasible(chain, field).all():
         return None
-    step = follow(field, state.vehicle, chain[0], limits)
+    step = fly_segment(field, state.vehicle, chain[0])
     return (chain, step) if step.flown else None
 
 
@@ -59,11 +57,11 @@ def ends_on_goal(field: Field, state: State) -> bool:
     return len(state.tail) > 0 and np.array_equal(state.tail[-1, 1], field.goal)
 
 
-def terminal_plan(field: Field, state: State, limits: Limits) -> Plan | None:
+def terminal_plan(field: Field, state: State) -> Plan | None:
     """The empty plan of a flight on the goal or out of segments; None for any other flight."""
     if np.array_equal(state.vehicle.position, field.goal):
         return flight_plan(field, Status.SOLVED, [], [state])
-    if state.vehicle.segments >= limits.segments:
+    if state.vehicle.segments >= field.limits.segments:
         return flight_plan(field, Status.OUT_OF_SEGMENTS, [], [state])
     return None
 
@@ -77,15 +75,13 @@ def flight_plan(
     return Plan(status, control, states, [], certificates=certificates, field=field)
 
 
-def roll_out(
-    planner: Replanner, field: Field, state: State, seed: int, follow: Follow = fly_segment
-) -> Plan:
+def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
     """Decide and fly one segment after another until the flight ends.
 
-    `follow` flies a segment: by default as the environment does, rounded to a float32 action, so
-    that the plan and its flight are equal bit for bit.
+    Segments are flown as the environment does it, rounded to float32 actions, so that the plan and
+    its flight are equal bit for bit.
     """
-    if (ended := terminal_plan(field, state, planner.limits)) is not None:
+    if (ended := terminal_plan(field, state)) is not None:
         return ended
     states, decisions, steps = [state], list[Decision](), list[Step]()
     outcome = Outcome.FLYING
@@ -95,8 +91,9 @@ def roll_out(
         if decision.chain is None:
             break
         chain, step = decision.chain, decision.first_step
-        # `first_step` is certified; it is missing if the planner used only a part of the field
-        step = step or follow(field, state.vehicle, chain[0], planner.limits)
+        # `first_step` is certified; it is missing if the planner used only a part of the field, or
+        # an image of it at another scale
+        step = step or fly_segment(field, state.vehicle, chain[0])
         if not step.flown:
             break
         state, outcome = successor(state, chain, step.state), step.outcome
@@ -106,16 +103,14 @@ def roll_out(
     return replace(flight_plan(field, status, steps, states), decisions=decisions)
 
 
-def fly_chain(
-    chain: Array, field: Field, state: State, limits: Limits
-) -> tuple[list[Step], list[State]]:
+def fly_chain(chain: Array, field: Field, state: State) -> tuple[list[Step], list[State]]:
     """Fly segments (n, 4, 2) up to the first infeasible one: the m steps and the m + 1 states.
 
     Each is certified again as it is flown, since rounding to float32 actions changes it.
     """
     states, steps = [state], []
     for k, segment in enumerate(chain):
-        step = fly_segment(field, states[-1].vehicle, segment, limits)
+        step = fly_segment(field, states[-1].vehicle, segment)
         if not step.flown:
             break
         steps.append(step)

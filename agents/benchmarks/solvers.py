@@ -137,7 +137,7 @@ def bench(tasks: Sequence[Task], ipopt_every: int, out: Path, terminal: Terminal
     columns = ("solver", "window", "starts", "feasible", "objective", "seconds")
     cells = ([getattr(result, name) for name in columns] for result in results)
     write_csv(out / "steps.csv", columns, cells)
-    gate = tasks[0].window.limits.gate
+    gate = tasks[0].window.field.limits.gate
     draw(results, gate, out / "solvers.png")
     terminal.show(table(results, gate))
     for name in dict.fromkeys(result.solver for result in results):

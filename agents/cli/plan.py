@@ -102,7 +102,6 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     from agents.policies.registry import make_planner
     from agents.policies.warm_up import warm
     from ferguson_gym.curves.sampling import MOST
-    from ferguson_gym.world import PAPER_LIMITS
 
     agents = PolicySpec.parse(options.planner).agents
     if any(shipped_agents.find_agent(agent) for agent in agents):
@@ -125,7 +124,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     distance = SPACING if options.spacing is None else options.spacing
     if options.out is not None:
         check_target(options.out, "path", SUFFIXES)
-        longest = PAPER_LIMITS.segments * PAPER_LIMITS.longest
+        longest = field.limits.segments * field.limits.longest
         if distance * (MOST - 1) < longest:
             raise ValueError(
                 f"--spacing {distance:g} may give more than {MOST} points; from "

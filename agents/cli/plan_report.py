@@ -17,7 +17,7 @@ from agents.flights.path_file import write_path
 from agents.plots.flight_grid import draw_flights
 from agents.runtime import terminal_tables
 from ferguson_gym.shortest_paths import gap
-from ferguson_gym.world import PAPER_LIMITS, Field, inspect
+from ferguson_gym.world import Field, inspect
 from planners.interface import Plan, Planner, Route, initial_state
 
 
@@ -92,7 +92,7 @@ class Report:
         if len(flight.control):
             radius = flight.min_turn_radius
             # within the tolerance the path touches an obstacle
-            clear = flight.clearance if abs(flight.clearance) > PAPER_LIMITS.tolerance else 0.0
+            clear = flight.clearance if abs(flight.clearance) > self.field.limits.tolerance else 0.0
             facts.append(f"clearance {clear:.3f} m" if math.isfinite(clear) else "no obstacles")
             facts.append(f"smallest turn radius {radius:.3g} m")
         if self.plan.evaluations:

@@ -136,7 +136,10 @@ def check_environment(arguments: Mapping[str, Any], where: str = "") -> None:
             f"{where}agents observe a dictionary, and a model does not hold the fields that it was "
             "trained on; leave `flat` out, and give `fields` as a number"
         )
-    if settings.limits != PAPER_LIMITS:
+    if settings.gate not in (None, PAPER_LIMITS.gate) or settings.segments not in (
+        None,
+        PAPER_LIMITS.segments,
+    ):
         raise ValueError(
             f"{where}agents fly with the gate ({PAPER_LIMITS.gate:g} m) and the number of segments "
             f"({PAPER_LIMITS.segments}) that evaluations have; leave `gate` and `segments` out"

@@ -33,7 +33,8 @@ class ReplanningPolicy:
         if decision.chain is None:
             return None
         self._last = state, decision.chain
-        return encode(decision.chain[0], vehicle.position, vehicle.derivative)
+        unit = self._field.limits.unit
+        return encode(decision.chain[0], vehicle.position, vehicle.derivative, unit)
 
 
 class TrackingPolicy:
@@ -59,7 +60,8 @@ class TrackingPolicy:
         step = vehicle.segments - self._first
         if step >= len(self._plan.control):
             return None
-        return encode(self._plan.control[step], vehicle.position, vehicle.derivative)
+        unit = self._field.limits.unit
+        return encode(self._plan.control[step], vehicle.position, vehicle.derivative, unit)
 
 
 def planner_policy(planner: Planner) -> PlannerPolicy:

@@ -7,7 +7,7 @@ import numpy as np
 from agents.policies.interface import Policy
 from ferguson_gym.runtime import Array
 from ferguson_gym.simulation import Settings, observe_one
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits, decode, transition
+from ferguson_gym.world import Field, decode, transition
 
 _SEEN = Settings()
 """The default settings of the environment, in which policies fly."""
@@ -16,9 +16,8 @@ _SEEN = Settings()
 class PolicyProposer:
     """Proposes the segments that a policy would fly, feasible or not."""
 
-    def __init__(self, policy: Policy, limits: Limits = PAPER_LIMITS) -> None:
+    def __init__(self, policy: Policy) -> None:
         self._policy = policy
-        self._limits = limits
 
     def propose(
         self, field: Field, state: transition.State, segments: int, seed: int
@@ -30,13 +29,14 @@ class PolicyProposer:
         rest of the whole flight.
         """
         self._policy.begin(field, seed)
+        goal, limits = field.goal, field.limits
         chain: list[Array] = []
         while len(chain) < segments:
             action = self._policy.act(observe_one(field, state, _SEEN), state)
             if action is None:
                 break
             control = decode(
-                action, state.position, state.derivative, field.goal, self._limits.gate
+                action, state.position, state.derivative, goal, limits.gate, limits.unit
             )
             chain.append(control)
             state = transition.State(control[1], control[3], state.segments + 1)

@@ -107,7 +107,8 @@ class Shield:
             if decision.chain is not None:
                 self._last = state, decision.chain
                 self._note(how, decision)
-                return encode(decision.chain[0], vehicle.position, vehicle.derivative)
+                unit = self._field.limits.unit
+                return encode(decision.chain[0], vehicle.position, vehicle.derivative, unit)
             if not proposal.flies:
                 self._note(ShieldDecision.STUCK, decision)
                 return None
@@ -139,7 +140,7 @@ class Shield:
         action = self._agent.act(observation, vehicle)
         if action is None:
             return _Proposal(vehicle, None, None)
-        step = transition.advance(self._field, vehicle, action, self._planner.limits)
+        step = transition.advance(self._field, vehicle, action)
         return _Proposal(vehicle, action, step)
 
     def _check(self, state: State, proposal: _Proposal) -> ShieldDecision:
@@ -151,9 +152,10 @@ class Shield:
             return ShieldDecision.INFEASIBLE
         if step.outcome is Outcome.GOAL_REACHED:
             return ShieldDecision.AGENT
-        left = self._planner.limits.segments - step.state.segments
+        limits = self._field.limits
+        left = limits.segments - step.state.segments
         distance = self._distance(step.state)
-        if distance > PACE * (left - RESERVE):
+        if distance > PACE * limits.unit * (left - RESERVE):
             return ShieldDecision.RUNNING_OUT
         if distance >= self._nearest and self._wasted >= PATIENCE:
             return ShieldDecision.LOITERING

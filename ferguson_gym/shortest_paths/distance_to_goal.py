@@ -27,7 +27,6 @@ from ferguson_gym.shortest_paths.tangent_graph import Tracks, build, sweep
 from ferguson_gym.shortest_paths.tangents import Integers, Scene, scene
 from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
 
 FEW = 200
 """Up to so many obstacles, paths come from the tangent graph that holds every tangent: flights and
@@ -48,8 +47,6 @@ class DistanceToGoal:
     """
 
     field: Field
-    tolerance: float = PAPER_LIMITS.tolerance
-    """Depth [m] by which a point may lie inside discs or outside the bounds."""
     scene: Scene = dataclasses.field(init=False, repr=False)
     """The discs that can obstruct a path."""
     kept: Integers = dataclasses.field(init=False, repr=False)
@@ -74,6 +71,11 @@ class DistanceToGoal:
             ("searches", searches),
         ):
             object.__setattr__(self, name, value)
+
+    @property
+    def tolerance(self) -> float:
+        """Depth [m] by which a point may lie inside discs or outside the bounds."""
+        return self.field.limits.tolerance
 
     def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
         """Distance to the goal and its gradient.

@@ -68,7 +68,7 @@ class BatchSimulator:
     def __init__(self, settings: Settings, number: int, mode: int) -> None:
         each = [settings] * number
         room = min(settings.number, ROOM)
-        self._make(each, mode, room, settings.max_obstacles, settings.segments)
+        self._make(each, mode, room, settings.max_obstacles, settings.max_segments)
 
     def _make(
         self, settings: list[Settings], mode: int, room: int, capacity: int, segments: int
@@ -122,7 +122,7 @@ class BatchSimulator:
         for i, new in changes.items():
             old, self.settings[i] = self.settings[i], new
             write_rules(self._buffers.rules[i], new)
-            longest = max(longest, new.segments)
+            longest = max(longest, new.max_segments)
             if new.source == old.source or flights["next"][i] == EMPTY:
                 continue
             if new.fields == old.fields:
@@ -132,14 +132,18 @@ class BatchSimulator:
                 self._pending.pop(i, None)
         capacity = max((new.max_obstacles for new in changes.values()), default=0)
         self._store.make_room(0, capacity)
-        paths = self._buffers.paths
-        if longest >= paths.shape[1]:
-            paths = np.zeros((self.number, longest + 1, 4, 2))
-            paths[:, : self._buffers.paths.shape[1]] = self._buffers.paths
-            self._use_arrays(paths=paths)
+        self._make_room_for(longest)
         self._use_arrays()
         if self._drawn.sources > SOURCES + len({one.source for one in set(self.settings)}):
             self._forget()
+
+    def _make_room_for(self, segments: int) -> None:
+        """Make room for flights of so many segments."""
+        old = self._buffers.paths
+        if segments >= old.shape[1]:
+            paths = np.zeros((self.number, segments + 1, 4, 2))
+            paths[:, : old.shape[1]] = old
+            self._use_arrays(paths=paths)
 
     def _upcoming(self, i: int) -> Integers:
         """Seeds of the fields that a vehicle flies next, as far as they are drawn."""
@@ -211,6 +215,7 @@ class BatchSimulator:
     def _put(self, i: int, given: Given) -> None:
         """Write a field into a vehicle's slot."""
         if isinstance(given, Field):
+            self._make_room_for(given.limits.segments)
             self._store.put(i, given)
         else:
             put(self._store, i, *given)
@@ -327,7 +332,11 @@ class BatchSimulator:
 
     def field(self, i: int) -> Field:
         """The field in which a vehicle flies."""
-        return given_field(self._flown(i))
+        field, flight = given_field(self._flown(i)), self._buffers.flights[i]
+        rules = {"gate": float(flight["gate"]), "segments": int(flight["most"])}
+        if all(getattr(field.limits, name) == value for name, value in rules.items()):
+            return field
+        return field.with_limits(**rules)
 
     def state(self, i: int) -> State:
         """A vehicle's state in double precision."""

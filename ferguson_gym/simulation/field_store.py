@@ -19,10 +19,16 @@ FIELD_RECORD = np.dtype(
         ("bounds", np.float64, (2, 2)),
         ("distance", np.float64),
         ("clearance", np.float64),
+        ("shortest", np.float64),
+        ("longest", np.float64),
+        ("slowest", np.float64),
+        ("gate", np.float64),
+        ("tolerance", np.float64),
+        ("segments", np.int64),
     ]
 )
 """A field without its obstacles: start [m], start derivative [m per unit t], goal, bounds,
-the straight distance from start to goal and the clearance at the start [m]."""
+the straight distance from start to goal, the clearance at the start [m], and its limits."""
 
 
 class FieldArrays(NamedTuple):
@@ -106,6 +112,8 @@ class FieldStore:
         arrays = self.arrays
         for key in ("start", "start_derivative", "goal", "bounds", "distance"):
             arrays.records[key][slot] = getattr(field, key)
+        for key, limit in field.limits.numbers()._asdict().items():
+            arrays.records[key][slot] = limit
         distances = discs.signed_distance(field.start)
         arrays.records["clearance"][slot] = np.min(distances, initial=np.inf)
         arrays.discs[slot, :2, : len(discs)] = discs.centers.T

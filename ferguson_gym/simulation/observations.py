@@ -28,9 +28,9 @@ class Layout(NamedTuple):
     ray_directions: FlatObservation
     """Unit vectors (2, R) in the vehicle's frame; (2, 0) for discs alone."""
     focus: float
-    """Discs are ordered by their distance from the point this far ahead [m]."""
+    """Discs are ordered by their distance from the point this far ahead [units of the field]."""
     max_range: float
-    """Range of the observation, by which lengths are divided [m]."""
+    """Range of the observation, by which lengths are divided [units of the field]."""
 
     def entries(self) -> dict[str, int]:
         """Number of values of each entry, in order."""
@@ -72,6 +72,7 @@ def write_observation(
     position: Array,
     derivative: Array,
     remaining: float,
+    unit: float,
     goal: Array,
     bounds: Array,
     columns: Array,
@@ -82,7 +83,8 @@ def write_observation(
     """Write one of N observations, as specified in the environment's docstring.
 
     `observations` (N n,) hold for each entry the values of all N, then the next entry; `i` is the
-    index of the one to write. `remaining` is the fraction of segments left. Discs have centres
+    index of the one to write. `remaining` is the fraction of segments left, `unit` that of the
+    field's limits [m]. Discs have centres
     `columns` (2, M) and `radii` (M,), minus infinity for padding. Scratch: work (2, M), found (M,).
     """
     turn = heading(derivative[0], derivative[1])
@@ -96,12 +98,12 @@ def write_observation(
     row[2] = _clipped((cos * y - sin * x) / distance) if distance > 0.0 else 0.0
 
     rays, nearest = layout.ray_directions.shape[1], layout.nearest
-    rest, view = observations[3 * number :], layout.max_range
+    rest, view = observations[3 * number :], layout.max_range * unit
     if nearest > 0:
         mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
         rows = rest[4 * nearest * i : 4 * nearest * (i + 1)]
         _write_nearest(
-            mask, rows, layout.focus, view, position, cos, sin, columns, radii, work, found
+            mask, rows, layout.focus * unit, view, position, cos, sin, columns, radii, work, found
         )
         rest = rest[4 * nearest * number :]
     if rays > 0:
@@ -127,7 +129,7 @@ def write_observation(
     row[2] = _clipped(cos)
     row[3] = _clipped(sin)
     speed = np.sqrt(derivative[0] ** 2 + derivative[1] ** 2)
-    row[4] = _clipped(share_of_steepest(speed))
+    row[4] = _clipped(share_of_steepest(speed / unit))
     row[5] = remaining
 
 

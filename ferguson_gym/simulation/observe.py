@@ -32,7 +32,7 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
         ValueError: a field that is not planar.
     """
     discs = planar_discs(field)
-    layout, most = _layout(settings), settings.segments
+    layout, most = _layout(settings), settings.segments or field.limits.segments
     sizes, count = layout.entries(), len(vehicles)
     flat = np.empty(count * sum(sizes.values()), np.float32)
     columns = np.ascontiguousarray(discs.centers.T)
@@ -49,6 +49,7 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
             position,
             derivative,
             1.0 - vehicle.segments / most,
+            field.limits.unit,
             field.goal,
             field.bounds,
             columns,

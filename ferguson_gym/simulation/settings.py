@@ -15,7 +15,7 @@ from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS, FieldPool
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.suites import (
     SUITES,
@@ -50,8 +50,8 @@ class Settings:
     fields: Any = 10_000  # a number, or a pool, which is made of anything that names fields
     obstacles: int | None = None
     radii: Sequence[float] | None = None
-    gate: float = PAPER_LIMITS.gate
-    segments: int = PAPER_LIMITS.segments
+    gate: float | None = None
+    segments: int | None = None
     observation: str = "rays"
     nearest: int = 12
     focus: float = 0.0
@@ -80,7 +80,8 @@ class Settings:
                 f"unknown observation {self.observation!r}; kinds are {', '.join(KINDS)}"
             )
         for name in ("nearest", "rays", "segments"):
-            if not 1 <= (number := getattr(self, name)) <= MAX_OBSTACLES:
+            number = getattr(self, name)
+            if number is not None and not 1 <= number <= MAX_OBSTACLES:
                 raise ValueError(f"need {name} from 1 to {MAX_OBSTACLES}, got {number}")
         if not 1.0 <= self.view <= MAX_VIEW:
             raise ValueError(f"view lies between 1 and {MAX_VIEW:g} m, got {self.view}")
@@ -94,7 +95,8 @@ class Settings:
                 f"the fields have up to {self._most_discs()} obstacles, "
                 f"more than capacity={self.capacity}"
             )
-        _ = self.limits, self.recipe  # which check what they are made from
+        _ = self.recipe  # which checks what it is made from
+        self._check_gate()
 
     def _check_fields(self) -> None:
         number: Any = self.fields
@@ -109,11 +111,17 @@ class Settings:
         elif not 1 <= number <= MAX_FIELDS:
             raise ValueError(f"resets draw from 1 to {MAX_FIELDS} fields, got fields={self.fields}")
 
+    def _check_gate(self) -> None:
+        if self.gate is not None:
+            shortest = PAPER_LIMITS.shortest if self.pool is None else self.pool.shortest
+            if not 0.0 <= self.gate < shortest:
+                raise ValueError(f"need 0 <= gate < shortest, got {self.gate} m and {shortest} m")
+
     def _check_numbers(self) -> None:
         whole = ("obstacles", "segments", "nearest", "rays", "capacity")
         for name in (*whole, "gate", "focus", "view", "detour", "failure"):
             given = getattr(self, name)
-            if given is None and name in ("obstacles", "capacity"):
+            if given is None and name in ("obstacles", "capacity", "gate", "segments"):
                 continue
             if type(given) is bool or not isinstance(given, Integral if name in whole else Real):
                 a_number = "an integer" if name in whole else "a number"
@@ -124,9 +132,11 @@ class Settings:
             object.__setattr__(self, "radii", tuple(float(radius) for radius in self.radii))
 
     @property
-    def limits(self) -> Limits:
-        """Limits of a flight."""
-        return replace(PAPER_LIMITS, gate=float(self.gate), segments=int(self.segments))
+    def max_segments(self) -> int:
+        """Number of segments that a flight of the fields from which resets draw may have."""
+        if self.segments is not None:
+            return int(self.segments)
+        return PAPER_LIMITS.segments if self.pool is None else self.pool.max_segments
 
     @property
     def recipe(self) -> Recipe:

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import new_counters
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.field_store import FieldStore
+from ferguson_gym.simulation.field_store import FieldArrays, FieldStore
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.simulation.step_buffers import DISABLED, as_plain_tuple, make_buffers
+from ferguson_gym.simulation.step_buffers import DISABLED, StepBuffers, as_plain_tuple, make_buffers
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.outcome import Outcome
@@ -42,8 +42,12 @@ class SimulatedRollouts:
         store = FieldStore(1, len(planar_discs(field)))
         store.put(0, field)
         self._settings, self._sizes = settings, settings.layout.entries()
-        self._buffers = make_buffers(settings, number, store.arrays, DISABLED)
+        self._segments = field.limits.segments
+        self._buffers = self._made(number, store.arrays)
         flights = self._buffers.flights
+        flights["gate"] = field.limits.gate if settings.gate is None else settings.gate
+        flights["most"] = settings.segments or field.limits.segments
+        flights["detour"], flights["failure"] = settings.detour, settings.failure
         flights["position"], flights["derivative"] = vehicle.position, vehicle.derivative
         flights["segments"], flights["outcome"] = vehicle.segments, _FLYING
         flights["clearance"] = np.inf
@@ -51,6 +55,9 @@ class SimulatedRollouts:
         self.active: NDArray[np.int64] = np.arange(number)
         """Numbers (n,) of the active rollouts."""
         step_kernel.reset(as_plain_tuple(self._buffers), np.zeros(number, np.bool_))
+
+    def _made(self, number: int, fields: FieldArrays) -> StepBuffers:
+        return make_buffers(self._settings, number, fields, DISABLED, longest=self._segments)
 
     @property
     def observations(self) -> Observation:
@@ -91,7 +98,7 @@ class SimulatedRollouts:
             return
         old, observations = self._buffers, self.observations
         self.active = self.active[chosen]
-        new = make_buffers(self._settings, len(self.active), old.fields, DISABLED)
+        new = self._made(len(self.active), old.fields)
         new.flights[:] = old.flights[chosen]
         for key, values in entries_of(new.observations, self._sizes, len(self.active)).items():
             values[:] = observations[key][chosen]

@@ -16,7 +16,6 @@ from ferguson_gym.simulation.field_store import FieldArrays
 from ferguson_gym.simulation.observations import FlatObservation, Layout
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.limits import LimitValues
 
 Flags = NDArray[np.bool_]
 Integers = NDArray[np.int64]
@@ -36,8 +35,9 @@ RULES = np.dtype(
         ("failure", np.float64),
     ]
 )
-"""How a flight is judged: gate [m], maximum number of segments, and penalties in the reward for
-length beyond progress and for an end anywhere but on the goal."""
+"""How a flight is judged: gate [m] and maximum number of segments, NaN and 0 for those of the
+field, and penalties in the reward for length beyond progress and for an end anywhere but on the
+goal."""
 
 FLIGHT = np.dtype(
     [
@@ -79,7 +79,6 @@ class StepBuffers(NamedTuple):
     """
 
     fields: FieldArrays
-    limits: LimitValues
     layout: Layout
     mode: int
     """DISABLED, NEXT_STEP or SAME_STEP."""
@@ -123,18 +122,14 @@ def make_buffers(
     """
     layout, rules = settings.layout, np.zeros(number, RULES)
     write_rules(rules, settings)
-    flights = np.zeros(number, FLIGHT)
-    for name in RULES.names or ():
-        flights[name] = rules[name]
     values, ended = sum(layout.entries().values()), number if mode == SAME_STEP else 0
     return StepBuffers(
         fields=fields,
-        limits=settings.limits.numbers(),
         layout=layout,
         mode=mode,
-        flights=flights,
+        flights=np.zeros(number, FLIGHT),
         rules=rules,
-        paths=np.zeros((number, max(longest, settings.segments) + 1, 4, 2)),
+        paths=np.zeros((number, max(longest, settings.max_segments) + 1, 4, 2)),
         queue=np.zeros((number, queue), np.int64),
         actions=np.zeros((number, 4), np.float32),
         observations=np.zeros(number * values, np.float32),
@@ -146,7 +141,8 @@ def make_buffers(
 
 def write_rules(rules: Records, settings: Settings) -> None:
     """Write the rules that some settings make into records of RULES."""
-    rules["gate"], rules["most"] = settings.gate, settings.segments
+    rules["gate"] = np.nan if settings.gate is None else settings.gate
+    rules["most"] = settings.segments or 0
     rules["detour"], rules["failure"] = settings.detour, settings.failure
 
 
@@ -164,7 +160,6 @@ def as_buffers(given: PlainTuple) -> StepBuffers:
     """The inverse of `as_plain_tuple`, in compiled code."""
     return StepBuffers(
         FieldArrays(*given[0]),
-        LimitValues(*given[1]),
-        Layout(*given[2]),
-        *given[3:],
+        Layout(*given[1]),
+        *given[2:],
     )

@@ -33,6 +33,7 @@ from ferguson_gym.simulation.step_buffers import (
 )
 from ferguson_gym.world.actions import Action, decode_into
 from ferguson_gym.world.feasibility import FLYING, first_failure
+from ferguson_gym.world.limits import LimitValues
 from ferguson_gym.world.outcome import Outcome
 
 GOAL_REACHED, OUT_OF_SEGMENTS = Outcome.GOAL_REACHED.code, Outcome.OUT_OF_SEGMENTS.code
@@ -50,7 +51,8 @@ CACHE_LINE = 64
 def _reset_vehicle(buffers: StepBuffers, i: int) -> None:
     flight, fields, rules = buffers.flights[i], buffers.fields, buffers.rules[i]
     field = fields.records[flight.slot]
-    flight.gate, flight.most = rules.gate, rules.most
+    flight.gate = field.gate if np.isnan(rules.gate) else rules.gate
+    flight.most = rules.most if rules.most > 0 else field.segments
     flight.detour, flight.failure = rules.detour, rules.failure
     flight.segments, flight.outcome, flight.path_length = 0, FLYING, 0.0
     flight.clearance = field.clearance
@@ -68,12 +70,16 @@ def _distance(position: Array, goal: Array) -> float:
 @compiled_in_place
 def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
     """Fly one action; returns the reward."""
-    flight, fields, limits = buffers.flights[i], buffers.fields, buffers.limits
+    flight, fields = buffers.flights[i], buffers.fields
     slot = flight.slot
     field = fields.records[slot]
     goal, position = field.goal, flight.position
     control = buffers.paths[i, flight.segments]
-    decode_into(control, buffers.actions[i], position, flight.derivative, goal, flight.gate)
+    limits = LimitValues(
+        field.shortest, field.longest, field.slowest, flight.gate, field.tolerance, flight.most
+    )
+    unit = limits.longest / 15.0
+    decode_into(control, buffers.actions[i], position, flight.derivative, goal, flight.gate, unit)
     outcome, length, clearance = first_failure(
         control,
         field.bounds,
@@ -125,6 +131,7 @@ def _observe(
         flight.position,
         flight.derivative,
         1.0 - flight.segments / flight.most,
+        field.longest / 15.0,
         field.goal,
         field.bounds,
         fields.discs[slot, :2],
@@ -187,6 +194,7 @@ def _prefetch_vehicle(buffers: StepBuffers, i: int) -> None:
     field = fields.records[slot : slot + 1]
     prefetch(field, 0)
     prefetch(field, CACHE_LINE)
+    prefetch(field, 2 * CACHE_LINE)
     prefetch(buffers.paths[i, flight.segments], 0)
 
 

@@ -1,20 +1,22 @@
 """The one encoding of segments as actions, shared by environment, optimiser and agents.
 
 An action (4,) in [-1, 1] encodes the end point and end derivative of a planar segment, in the
-vehicle's frame (first axis forward, second to the left):
+vehicle's frame (first axis forward, second to the left). Below, a unit u is that of the field's
+limits, a fifteenth of the longest segment (1 m in the paper's fields), so that a flight scaled with
+its field has the same actions.
 
 - end point: `REACH` times the Möbius translation (q + z) / (1 + q z) of z = a[0] + i a[1].
-  The unit disc is mapped onto itself, smoothly, so every end point within 15.001 m has
-  exactly one action, and z = 0 is 9 m ahead (q = 9 / 15.001).
+  The unit disc is mapped onto itself, smoothly, so every end point within 15.001 u has
+  exactly one action, and z = 0 is 9 u ahead (q = 9 / 15.001).
 - end derivative: `STEEPEST` sinh(4 w) / sinh(4) in each coordinate, fine near zero and coarse far
-  out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a derivative of 9 m per
-  unit t. Its axes are rotated by 2 y / (9 m), with y the end point's offset to the left. To first
+  out; along w = (p + a[2]) / (1 + p a[2]), across w = a[3], and zero is a derivative of 9 u per
+  unit t. Its axes are rotated by 2 y / (9 u), with y the end point's offset to the left. To first
   order this is the heading at which a circular arc reaches the end point, so that actions with a[2]
   = a[3] = 0 give smooth curves.
 
-A feasible segment of 15 m has derivatives below 4.3904 x 15 m = 65.86 m per unit t (the
-greatest value at an end of a quadratic polynomial whose absolute value has integral one),
-so the encoding reaches them all.
+A feasible segment of 15 u has derivatives below 4.3904 x 15 u = 65.86 u per unit t (the greatest
+value at an end of a quadratic polynomial whose absolute value has integral one), so the encoding
+reaches them all.
 """
 
 from __future__ import annotations
@@ -30,17 +32,17 @@ from ferguson_gym.runtime.jit import compiled
 Action: TypeAlias = NDArray[np.float32]
 
 REACH = 15.001
-"""Distance of the farthest end point [m]: the longest segment plus a little over the tolerance."""
+"""Distance of the farthest end point [u]: the longest segment plus a little over the tolerance."""
 STEEPEST = 66.0
-"""Largest coordinate of an end derivative [m per unit t]."""
+"""Largest coordinate of an end derivative [u per unit t]."""
 AHEAD = 9.0
-"""Distance [m] and derivative [m per unit t] of the zero action, straight ahead."""
+"""Distance [u] and derivative [u per unit t] of the zero action, straight ahead."""
 SHARE = AHEAD / REACH
 """Parameter q of the end point's translation."""
 FINENESS = 4.0
 """Factor in sinh: the larger it is, the finer is the encoding of small derivatives."""
 SPREAD = float(STEEPEST / np.sinh(FINENESS))
-"""Derivative [m per unit t] by which sinh is multiplied."""
+"""Derivative [u per unit t] by which sinh is multiplied."""
 OFFSET = float(np.arcsinh(AHEAD / SPREAD) / FINENESS)
 """Parameter p of the translation of the end derivative's first coordinate."""
 _TINY = 1e-140
@@ -64,7 +66,7 @@ def heading(along: float, across: float) -> complex:
 
 @compiled
 def share_of_steepest(slope: float) -> float:
-    """Coordinate of a derivative [m per unit t] on the scale of actions: 1 at `STEEPEST`."""
+    """Coordinate of a derivative [u per unit t] on the scale of actions: 1 at `STEEPEST`."""
     return float(np.arcsinh(slope / SPREAD) / FINENESS)
 
 
@@ -91,15 +93,16 @@ def decode_into(
     derivative: Array,
     goal: Array,
     gate: float,
+    unit: float,
 ) -> None:
     """`decode` into a control array (4, 2), without its checks."""
     forward = heading(derivative[0], derivative[1])
     end = end_point(float(action[0]), float(action[1]))
-    step = REACH * end * forward
+    step = unit * REACH * end * forward
     share = float(action[2])
     along = np.sinh(FINENESS * ((OFFSET + share) / (1.0 + OFFSET * share)))
     across = np.sinh(FINENESS * float(action[3]))
-    slope = SPREAD * forward * _arrival(end) * complex(along, across)
+    slope = unit * SPREAD * forward * _arrival(end) * complex(along, across)
     control[0, 0], control[0, 1] = position[0], position[1]
     control[1, 0], control[1, 1] = position[0] + step.real, position[1] + step.imag
     control[2, 0], control[2, 1] = derivative[0], derivative[1]
@@ -142,7 +145,12 @@ def _unshifted(value: Any, share: float) -> Any:
 
 
 def decode(
-    action: ArrayLike, position: Array, derivative: Array, goal: Array, gate: float
+    action: ArrayLike,
+    position: Array,
+    derivative: Array,
+    goal: Array,
+    gate: float,
+    unit: float = 1.0,
 ) -> Array:
     """The segment (4, 2) that an action encodes, for a vehicle's position and derivative.
 
@@ -154,6 +162,7 @@ def decode(
         derivative: (2,) of the vehicle [m per unit t].
         goal: (2,) [m].
         gate: [m].
+        unit: of the field's limits, `Limits.unit` [m].
 
     Raises:
         ValueError: another shape, not finite, or an action outside [-1, 1].
@@ -166,11 +175,11 @@ def decode(
     given = check_action(action)
     here, ahead = finite("position", position, (2,)), finite("derivative", derivative, (2,))
     control = np.empty((4, 2))
-    decode_into(control, given, here, ahead, finite("goal", goal, (2,)), gate)
+    decode_into(control, given, here, ahead, finite("goal", goal, (2,)), gate, unit)
     return control
 
 
-def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
+def encode(segment: ArrayLike, position: Array, derivative: Array, unit: float = 1.0) -> Action:
     """The action by which a vehicle flies to a segment's end: the inverse of `decode`.
 
     Only the end rows of the segment are used; start and heading are the vehicle's own, so
@@ -180,10 +189,11 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
         segment: (4, 2) control array.
         position: (2,) of the vehicle [m].
         derivative: (2,) of the vehicle [m per unit t].
+        unit: of the field's limits, `Limits.unit` [m].
 
     Returns:
-        (4,) float32. `decode` gives the end back to a rounding of float32: 4e-6 m, and
-        3e-5 m per unit t at the steepest derivative.
+        (4,) float32. `decode` gives the end back to a rounding of float32: 4e-6 units, and
+        3e-5 units per unit t at the steepest derivative.
 
     Raises:
         ValueError: no action reaches the segment's end or end derivative; another shape, or
@@ -199,8 +209,8 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
     ahead = finite("derivative", derivative, (2,))
     turn = heading(ahead[0], ahead[1]).conjugate()
     offset = control[1] - finite("position", position, (2,))
-    step = complex(offset[0], offset[1]) * turn / REACH
-    slope = complex(control[3, 0], control[3, 1]) * turn / SPREAD
+    step = complex(offset[0], offset[1]) * turn / (unit * REACH)
+    slope = complex(control[3, 0], control[3, 1]) * turn / (unit * SPREAD)
     # poles of the inverse maps lie outside the reachable set
     if inside := abs(step) < 1.0 / SHARE:
         there = _unshifted(step, SHARE)
@@ -213,9 +223,9 @@ def encode(segment: ArrayLike, position: Array, derivative: Array) -> Action:
             inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
     if not inside:
         raise ValueError(
-            f"no action reaches a segment that ends {abs(step) * REACH:.6g} m away with "
+            f"no action reaches a segment that ends {abs(step) * unit * REACH:.6g} m away with "
             f"derivative {np.linalg.norm(control[3]):.6g} m per unit t; feasible segments "
-            f"stay within {REACH} m and {STEEPEST} m per unit t"
+            f"stay within {unit * REACH:g} m and {unit * STEEPEST:g} m per unit t"
         )
     single: Action = np.clip(action, -1.0, 1.0).astype(np.float32)
     return single

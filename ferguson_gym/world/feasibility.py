@@ -25,7 +25,7 @@ from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled_in_place
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits, LimitValues
+from ferguson_gym.world.limits import Limits, LimitValues
 from ferguson_gym.world.outcome import Outcome
 
 
@@ -59,7 +59,7 @@ class Inspection:
             axis=-1,
         )
 
-    def outcome(self, limits: Limits = PAPER_LIMITS) -> Outcome:
+    def outcome(self, limits: Limits) -> Outcome:
         """FLYING if the (single) segment is feasible, otherwise its first failure."""
         failed = np.flatnonzero(~(self.slack(limits) >= -limits.tolerance))
         return _FAILURES[failed[0]] if len(failed) else Outcome.FLYING
@@ -137,8 +137,9 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
 
     Example:
         >>> from ferguson_gym.world.field_names import get_field
-        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], get_field("paper:2"))
-        >>> found.outcome().sentence
+        >>> field = get_field("paper:2")
+        >>> found = inspect([[0, 0], [9, 3], [9, 0], [9, 6]], field)
+        >>> found.outcome(field.limits).sentence
         'still on its way'
     """
     control = as_control(control)
@@ -160,15 +161,13 @@ def inspect(control: ArrayLike, field: Field) -> Inspection:
 def is_feasible(
     control: ArrayLike,
     field: Field,
-    limits: Limits = PAPER_LIMITS,
     tolerance: float | None = None,
 ) -> NDArray[np.bool_]:
     """Whether each segment is feasible: (*batch,) of bool.
 
     Args:
         control: (*batch, 4, D) segments.
-        field: where they are flown.
-        limits: of a segment.
+        field: where they are flown, with the limits of segments.
         tolerance: [m], instead of that of the limits; planners use a smaller one.
 
     Example:
@@ -177,5 +176,5 @@ def is_feasible(
         >>> is_feasible([bend, long], get_field("paper:2")).tolist()
         [True, False]
     """
-    allowed = limits.tolerance if tolerance is None else tolerance
-    return np.asarray((inspect(control, field).slack(limits) >= -allowed).all(axis=-1))
+    allowed = field.limits.tolerance if tolerance is None else tolerance
+    return np.asarray((inspect(control, field).slack(field.limits) >= -allowed).all(axis=-1))

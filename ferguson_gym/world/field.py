@@ -1,4 +1,4 @@
-"""A field: obstacles, start, goal, bounds and start derivative, and its JSON form."""
+"""A field: obstacles, start, goal, bounds, start derivative and limits, and its JSON form."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ from ferguson_gym.runtime.arrays import Array, finite, frozen, real
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.obstacles import Discs, Obstacles
 
 START = (0.0, 0.0)
 GOAL = (100.0, 100.0)
 BOUNDS = (-10.0, 110.0)
-START_SPEED = 5.0
-"""Length of the default start derivative [m per unit t]; it points at the goal."""
-
+_ROUNDING = 1e-4
+"""Depth inside an obstacle that counts as rounding, as a fraction of the tolerance."""
 _REQUIRED = ("centers", "radii")
-_OPTIONAL = ("start", "goal", "bounds", "start_derivative")
+_OPTIONAL = ("start", "goal", "bounds", "start_derivative", "limits")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Field(ShowsPicture):
-    """Obstacles, start, goal and bounds of a flight; immutable.
+    """Obstacles, start, goal, bounds and limits of a flight; immutable.
 
     Raises:
         ValueError: shapes that do not match, NaN or infinity, start or goal inside an
             obstacle or outside the bounds, start on the goal, lower bounds not below upper bounds,
-            a start derivative shorter than a regular segment allows.
+            limits that contradict each other, a start derivative shorter than a regular segment
+            allows.
     """
 
     name: str
@@ -51,7 +51,11 @@ class Field(ShowsPicture):
     bounds: Array = dataclasses.field(default_factory=lambda: np.array(BOUNDS))
     """Lower and upper bound: (2,) if equal for all axes, or (2, D) [m]; kept as (2, D)."""
     start_derivative: Array | None = None
-    """(D,) [m per unit t]; None: towards the goal, 5 m per unit t. Kept as an array."""
+    """(D,) [m per unit t]; None: towards the goal, a third of the longest segment per unit t. Kept
+    as an array."""
+    limits: Limits = dataclasses.field(default_factory=Limits)
+    """Bounds on segments and their number, or a mapping of some of their names to values; they set
+    the scale of the field. Kept as `Limits`."""
 
     def __post_init__(self) -> None:
         start = finite("start", self.start, (None,))
@@ -75,14 +79,15 @@ class Field(ShowsPicture):
         distance = float(np.linalg.norm(way))
         if distance == 0.0:
             raise ValueError(f"start and goal coincide at {_point(start)}")
+        limits = Limits.of(self.limits).for_distance(distance)
         derivative = (
-            START_SPEED * way / distance
+            limits.longest / 3.0 * way / distance
             if self.start_derivative is None
             else finite("start_derivative", self.start_derivative, (len(start),))
         )
-        if np.linalg.norm(derivative) < PAPER_LIMITS.slowest:
+        if np.linalg.norm(derivative) < limits.slowest * (1.0 - 1e-12):
             raise ValueError(
-                f"start_derivative must be at least {PAPER_LIMITS.slowest} m per unit t long, "
+                f"start_derivative must be at least {limits.slowest:g} m per unit t long, "
                 f"got {_point(derivative)}"
             )
         for label, point in (("start", start), ("goal", goal)):
@@ -92,7 +97,7 @@ class Field(ShowsPicture):
                 )
             if len(self.obstacles):
                 depth = self.obstacles.signed_distance(point)
-                if depth.min() < 0.0:
+                if depth.min() < -_ROUNDING * limits.tolerance:
                     raise ValueError(
                         f"{label} {_point(point)} lies {-depth.min():.3g} m inside "
                         f"obstacle {int(depth.argmin())}"
@@ -101,6 +106,7 @@ class Field(ShowsPicture):
         object.__setattr__(self, "goal", frozen(goal))
         object.__setattr__(self, "bounds", frozen(bounds))
         object.__setattr__(self, "start_derivative", frozen(derivative))
+        object.__setattr__(self, "limits", limits)
 
     @property
     def departure(self) -> Array:
@@ -112,6 +118,28 @@ class Field(ShowsPicture):
     def distance(self) -> float:
         """Straight distance from start to goal [m]."""
         return float(np.linalg.norm(self.goal - self.start))
+
+    def with_limits(self, **changes: float) -> Field:
+        """The field with other values of some limits.
+
+        Another `longest` scales the lengths that are not among the changes, and with them a
+        default start derivative. A default number of segments stays the default.
+
+        Raises:
+            ValueError: an unknown limit, limits that contradict each other, or as `Field`.
+
+        Example:
+            >>> from ferguson_gym.world.field_names import get_field
+            >>> get_field("paper:1").with_limits(longest=30).limits.shortest
+            6.0
+        """
+        if not changes:
+            return self
+        limits = self.limits.changed(self.distance, changes)
+        way = self.goal - self.start
+        usual = np.array_equal(self.departure, self.limits.longest / 3.0 * way / self.distance)
+        departure = None if usual else self.departure
+        return dataclasses.replace(self, limits=limits, start_derivative=departure)
 
     def plot(self, axes: Any = None) -> Any:
         """Draw obstacles, start, goal and bounds on matplotlib axes.
@@ -155,7 +183,8 @@ def from_json(path: str | os.PathLike[str]) -> Field:
     """Read a field of discs from a JSON file; the file's stem is its name.
 
     Keys: `centers` (n, D) and `radii` (n,), optional `start`, `goal`, `bounds`,
-    `start_derivative`. Other keys are ignored with a warning.
+    `start_derivative`, `limits` (some or all attributes of `Limits`). Other keys are ignored with a
+    warning.
 
     Raises:
         ValueError: not JSON, keys missing, or values that `Field` refuses; the message
@@ -199,6 +228,8 @@ def to_json(field: Field, path: str | os.PathLike[str]) -> None:
         "bounds": field.bounds.tolist(),
         "start_derivative": field.departure.tolist(),
     }
+    if field.limits != Limits().for_distance(field.distance):
+        data["limits"] = dataclasses.asdict(field.limits)
     with atomic_write(path) as temporary:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 

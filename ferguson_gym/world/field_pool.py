@@ -13,6 +13,7 @@ from typing import Any
 from ferguson_gym.runtime.arrays import truncate_repr
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.field_names import GRAMMAR, family, get_fields
+from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.suites import max_discs, suite_field
 
 MAX_FIELDS = 1_000_000
@@ -108,6 +109,19 @@ class FieldPool:
             len(part.obstacles) if isinstance(part, Field) else part.max_obstacles
             for part in self.parts
         )
+
+    @property
+    def max_segments(self) -> int:
+        """Number of segments that a flight may have."""
+        return max(limits.segments for limits in self._limits())
+
+    @property
+    def shortest(self) -> float:
+        """Least of the fields' minimum segment lengths [m]."""
+        return min(limits.shortest for limits in self._limits())
+
+    def _limits(self) -> list[Limits]:
+        return [part.limits if isinstance(part, Field) else PAPER_LIMITS for part in self.parts]
 
     def __repr__(self) -> str:
         return f"FieldPool({len(self)} fields, the first {self[0].name})"

@@ -43,6 +43,9 @@ class Obstacles(Protocol):
     def grown(self, by: Array) -> Obstacles:
         """The obstacles with surfaces moved outwards by distances (n,) [m], 0 or more."""
 
+    def rescaled(self, origin: Array, scale: float) -> Obstacles:
+        """The obstacles moved so that a point (D,) [m] is the origin, and then scaled."""
+
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
 
@@ -162,6 +165,10 @@ class Discs:
     def grown(self, by: Array) -> Discs:
         """The discs with radii increased by distances (n,) [m], 0 or more."""
         return Discs(self.centers, self.radii + by)
+
+    def rescaled(self, origin: Array, scale: float) -> Discs:
+        """The discs moved so that a point (D,) [m] is the origin, and then scaled."""
+        return Discs(scale * (self.centers - origin), scale * self.radii)
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.actions import check_actions, decode, decode_into, encode
 from ferguson_gym.world.feasibility import Inspection, inspect
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.outcome import Outcome
 
 
@@ -52,13 +50,6 @@ FLOWN = (Outcome.FLYING, Outcome.GOAL_REACHED, Outcome.OUT_OF_SEGMENTS)
 """Outcomes of segments that were flown."""
 
 
-class Follow(Protocol):
-    """How a planned segment is executed."""
-
-    def __call__(self, field: Field, state: State, segment: ArrayLike, limits: Limits) -> Step:
-        """Fly to the end of a segment (4, 2) from a state; refuse it if it is not feasible."""
-
-
 def initial_state(field: Field) -> State:
     """The state at the start of a field.
 
@@ -72,7 +63,7 @@ def initial_state(field: Field) -> State:
     return State(field.start, field.departure)
 
 
-def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPER_LIMITS) -> Step:
+def advance(field: Field, state: State, action: ArrayLike) -> Step:
     """Fly one action from a state: decode, snap to the goal, certify.
 
     Raises:
@@ -85,13 +76,12 @@ def advance(field: Field, state: State, action: ArrayLike, limits: Limits = PAPE
         >>> step.outcome.sentence, step.state.position.round(3).tolist()
         ('still on its way', [6.364, 6.364])
     """
-    control = decode(action, state.position, state.derivative, field.goal, limits.gate)
-    return _step(field, state, control, inspect(control, field), limits)
+    limits = field.limits
+    control = decode(action, state.position, state.derivative, field.goal, limits.gate, limits.unit)
+    return _step(field, state, control, inspect(control, field))
 
 
-def advance_all(
-    field: Field, states: Sequence[State], actions: ArrayLike, limits: Limits = PAPER_LIMITS
-) -> list[Step]:
+def advance_all(field: Field, states: Sequence[State], actions: ArrayLike) -> list[Step]:
     """`advance` for n states and actions (n, 4) in one field in a single call, which is faster.
 
     Raises:
@@ -99,8 +89,9 @@ def advance_all(
     """
     given = check_actions(actions, len(states))
     control = np.empty((len(states), 4, 2))
+    gate, unit = field.limits.gate, field.limits.unit
     for one, action, state in zip(control, given, states, strict=True):
-        decode_into(one, action, state.position, state.derivative, field.goal, limits.gate)
+        decode_into(one, action, state.position, state.derivative, field.goal, gate, unit)
     found = inspect(control, field)
     columns = (found.length, found.clearance, found.bounds_margin, found.speed)
     return [
@@ -109,7 +100,6 @@ def advance_all(
             state,
             one,
             Inspection(length=length, clearance=clearance, bounds_margin=margin, speed=speed),
-            limits,
         )
         for state, one, length, clearance, margin, speed in zip(
             states, control, *columns, strict=True
@@ -117,23 +107,19 @@ def advance_all(
     ]
 
 
-def _step(
-    field: Field, state: State, control: Array, inspection: Inspection, limits: Limits
-) -> Step:
+def _step(field: Field, state: State, control: Array, inspection: Inspection) -> Step:
     """The step along a segment (4, 2) with these certified properties."""
-    outcome = inspection.outcome(limits)
+    outcome = inspection.outcome(field.limits)
     if outcome is Outcome.FLYING:
         state = State(control[1], control[3], state.segments + 1)
         if np.array_equal(control[1], field.goal):
             outcome = Outcome.GOAL_REACHED
-        elif state.segments >= limits.segments:
+        elif state.segments >= field.limits.segments:
             outcome = Outcome.OUT_OF_SEGMENTS
     return Step(control=control, inspection=inspection, state=state, outcome=outcome)
 
 
-def fly_segment(
-    field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
-) -> Step:
+def fly_segment(field: Field, state: State, segment: ArrayLike) -> Step:
     """Fly to the end of a segment through its action, which is rounded to float32.
 
     Planners commit to segments through this function, so that a planned flight and the same
@@ -142,20 +128,5 @@ def fly_segment(
     Raises:
         ValueError: no action expresses the segment.
     """
-    action = encode(segment, state.position, state.derivative)
-    return advance(field, state, action, limits)
-
-
-def follow_exactly(
-    field: Field, state: State, segment: ArrayLike, limits: Limits = PAPER_LIMITS
-) -> Step:
-    """As `fly_segment`, without the rounding to an action.
-
-    For limits that allow segments which no action reaches; the environment cannot fly these. They
-    are snapped to the goal and certified like all others.
-    """
-    control = finite("segment", segment, (4, 2)).copy()
-    control[0], control[2] = state.position, state.derivative
-    if np.linalg.norm(control[1] - field.goal) <= limits.gate:
-        control[1] = field.goal
-    return _step(field, state, control, inspect(control, field), limits)
+    action = encode(segment, state.position, state.derivative, field.limits.unit)
+    return advance(field, state, action)

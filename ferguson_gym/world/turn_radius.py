@@ -140,7 +140,7 @@ def _all_too_sharp(control: Array, radius: float) -> Array:
     return where
 
 
-def check_turn_radius(radius: float, tolerance: float) -> float:
+def check_turn_radius(radius: float, tolerance: float = 0.0) -> float:
     """Return a minimum turn radius [m] after checking it against a tolerance [m].
 
     Raises:

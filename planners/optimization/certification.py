@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import is_feasible, keeps_turn_radius
+from ferguson_gym.world import Field, is_feasible, keeps_turn_radius
 from planners.optimization.window import Window
 
 TARGET_TOLERANCE = 1e-6
-"""Tolerance [m] that planners aim for; the rest of the limits' tolerance covers float32 actions."""
+"""Greatest tolerance that planners aim for, in fields of the paper's scale [m]."""
 MAX_SOLVES = 12
 """Maximum number of solves per window."""
 
@@ -45,7 +45,7 @@ class Certified:
     control: Array
     """Its segments (n, 4, D)."""
     feasible: bool
-    """Whether every segment is certified feasible to `TARGET_TOLERANCE`."""
+    """Whether every segment is certified feasible to `target_tolerance`."""
     evaluations: int
     """Evaluations of the objective in all rounds."""
     rounds: int
@@ -67,15 +67,20 @@ class WindowSolver(Protocol):
         """
 
 
+def target_tolerance(field: Field) -> float:
+    """Tolerance that planners aim for [m]; the rest of the limits' covers float32 actions."""
+    return min(TARGET_TOLERANCE, field.limits.tolerance / 10.0)
+
+
 def certify(window: Window, control: Array) -> NDArray[np.bool_]:
-    """Whether each chain (k, n, 4, D) is certified feasible to `TARGET_TOLERANCE`: (k,).
+    """Whether each chain (k, n, 4, D) is certified feasible to `target_tolerance`: (k,).
 
     A chain with a number that is not finite is infeasible.
     """
     feasible = np.asarray(np.isfinite(control).all(axis=(1, 2, 3)))
-    sound = control[feasible]
-    certified = is_feasible(sound, window.field, window.limits, TARGET_TOLERANCE)
+    sound, tolerance = control[feasible], target_tolerance(window.field)
+    certified = is_feasible(sound, window.field, tolerance)
     if window.turn_radius > 0.0:
-        certified &= keeps_turn_radius(sound, window.turn_radius, TARGET_TOLERANCE)
+        certified &= keeps_turn_radius(sound, window.turn_radius, tolerance)
     feasible[feasible] = certified.all(axis=-1)
     return feasible

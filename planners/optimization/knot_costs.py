@@ -16,7 +16,7 @@ DEPTH_PRICE = 2.0
 """Price of the greatest depth of a segment in discs, relative to its length."""
 _DEEP_PRICE = 60.0
 """Price of the square of that depth, relative to the length and the shortest segment."""
-_WORST, _WORST_START = 0.3, 3.0
+_WORST, _WORST_START = 0.3, 6.0
 """Costs of a segment, relative to the shortest one, beyond which it is not used: of any, and of
 those at the start, whose derivative may point away from the route."""
 _SLOWEST, _FASTEST = 0.5, 1.8
@@ -52,8 +52,12 @@ def _cost(
     depth_price: float,
     shortest: float,
     worst: float,
+    longest: float,
 ) -> float:
-    """Length of a segment beyond the route's [m] and the price of its depth; infinite if too high.
+    """Length of a segment beyond the route's [m] and the price of its depth.
+
+    Infinite if it is too high, or if the segment is longer than `longest` or, with that finite,
+    shorter than `shortest`.
 
     near (samples + 1, most, 3) are discs at each parameter, or (1, most, 3) the same at all.
     """
@@ -78,6 +82,8 @@ def _cost(
                 depth = max(depth, radius - np.sqrt(square))
         if depth * (depth_price + deep * depth) > worst:
             return np.inf
+    if longest < np.inf and not shortest <= length <= longest:
+        return np.inf
     cost = max(0.0, length - route) + depth * (depth_price + deep * depth)
     return cost if cost <= worst else np.inf
 
@@ -119,6 +125,7 @@ def costs(grid: Grid, departure: Array, speeds: Array, shortest: float) -> Array
                         DEPTH_PRICE,
                         shortest,
                         _WORST_START if i == 0 else _WORST,
+                        np.inf,
                     )
     return cost
 
@@ -133,6 +140,7 @@ def entries(
     local: Array,
     depth_price: float,
     shortest: float,
+    longest: float,
 ) -> tuple[Integers, Array, Array]:
     """First knots beside a route: the knot beside which each lies, the entry and its cost [m].
 
@@ -140,10 +148,10 @@ def entries(
     all `angles` [rad] to the route and of all `speeds`. local (m, 3) are the discs around.
     """
     points, last = grid.points, min(grid.many, len(grid.points) // 2)
-    room = max(0, last - grid.few + 1) * len(offsets) * len(angles) * len(speeds)
+    room = (last + 1) * len(offsets) * len(angles) * len(speeds)
     knot, entry, cost = np.empty(room, np.int64), np.empty((room, 2, 2)), np.empty(room)
     count, end, arrive, discs = 0, np.empty(2), np.empty(2), local.reshape(1, -1, 3)
-    for j in range(grid.few, last + 1):
+    for j in range(last + 1):
         ux, uy = grid.tangents[2 * j]
         for offset in offsets:
             end[0], end[1] = points[2 * j, 0] - offset * uy, points[2 * j, 1] + offset * ux
@@ -158,11 +166,12 @@ def entries(
                         departure,
                         arrive,
                         discs,
-                        2 * j,
+                        max(2 * j, 2 * grid.few),
                         grid.way[2 * j],
                         depth_price,
                         shortest,
                         _WORST_START,
+                        longest,
                     )
                     if found < np.inf:
                         knot[count], cost[count] = j, found
@@ -202,6 +211,7 @@ def costs_by_entry(
                     DEPTH_PRICE,
                     shortest,
                     _WORST_START,
+                    np.inf,
                 )
                 if total < best[j, b]:
                     best[j, b], which[j, b] = total, e

@@ -36,13 +36,12 @@ _SPEEDS = 6
 """Number of lengths of derivatives, from the shortest to the longest segment."""
 _SEGMENT_PRICE = 0.003
 """Price of a segment, relative to the shortest one."""
-_ENTRY_PRICES = (DEPTH_PRICE, 30.0)
-"""Prices of the depth of the first segment, from lenient to strict: close to an obstacle, the
-optimiser can repair some depths and not others."""
+_ENTRIES_TRIED = ((DEPTH_PRICE, 0.6, 5), (30.0, 0.6, 5), (100.0, np.pi, 13))
+"""Searches for entries, from lenient to strict: price of the depth of the first segment, and
+greatest angle [rad] and number of angles to the route. Close to an obstacle, the optimiser can
+repair some depths and not others; a segment that heads into it may have to turn on the spot."""
 _OFFSETS = np.array([-0.4, -0.2, -0.1, 0.0, 0.1, 0.2, 0.4])
 """Distances of entries from the route, relative to the shortest segment."""
-_ANGLES = np.array([-0.6, -0.3, 0.0, 0.3, 0.6])
-"""Angles between entries and the route [rad]."""
 _ENTRY_SPEEDS = 9
 """Number of lengths of derivatives of entries."""
 _FASTEST = 3.0
@@ -66,7 +65,7 @@ def turn_aligned(
         segments: maximum number n of segments.
 
     Yields:
-        Up to three different chains, which need not be feasible: with all knots on the route, then
+        Up to four different chains, which need not be feasible: with all knots on the route, then
         with a first knot that may lie beside it. There are none if the route is shorter than a
         segment or has no chain of so many segments near it.
 
@@ -84,11 +83,11 @@ def turn_aligned(
     price = _SEGMENT_PRICE * limits.shortest
     cost = costs(grid, state.derivative, speeds, limits.shortest)
     seen: list[Array] = []
-    for way in (None, *_ENTRY_PRICES):
+    for search in (None, *_ENTRIES_TRIED):
         entry = np.empty((0, 2, 2))
         second, which = np.full((last + 1, len(speeds)), np.inf), np.zeros((0, 0), np.int64)
-        if way is not None:
-            entry, second, which = _by_entry(grid, state, discs, limits, speeds, way)
+        if search is not None:
+            entry, second, which = _by_entry(grid, state, discs, limits, speeds, *search)
         knots, speed = cheapest(cost, second, grid.few, most, price)
         if len(knots) == 0:
             continue
@@ -151,7 +150,14 @@ def _near(points: Array, discs: Discs, reach: float) -> Array:
 
 
 def _by_entry(
-    grid: Grid, state: State, discs: Discs, limits: Limits, speeds: Array, depth_price: float
+    grid: Grid,
+    state: State,
+    discs: Discs,
+    limits: Limits,
+    speeds: Array,
+    price: float,
+    angle: float,
+    angles: int,
 ) -> tuple[Array, Array, NDArray[np.int64]]:
     """Entries (n, 2, 2), point and derivative; and the cost of two segments by way of the best.
 
@@ -162,7 +168,15 @@ def _by_entry(
     fast = np.geomspace(limits.shortest, _FASTEST * limits.longest, _ENTRY_SPEEDS)
     offsets = limits.shortest * _OFFSETS
     knot, entry, cost = entries(
-        grid, state.derivative, offsets, _ANGLES, fast, local, depth_price, limits.shortest
+        grid,
+        state.derivative,
+        offsets,
+        np.linspace(-angle, angle, angles),
+        fast,
+        local,
+        price,
+        limits.shortest,
+        limits.longest,
     )
     best = np.argsort(cost, kind="stable")[:_ENTRIES]
     knot, entry, cost = knot[best], entry[best], cost[best]

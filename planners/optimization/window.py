@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.chain import Chain
 from planners.optimization.nonlinear_program import Problem
@@ -61,7 +60,6 @@ class Window:
     field: Field
     obstacles: Obstacles
     """The obstacles that a solver considers; certification considers all of the field's."""
-    limits: Limits
     samples: int
     """The paper's n_s."""
     bending_weight: float
@@ -81,7 +79,8 @@ class Window:
         points, slopes = control[:, :, 1], control[:, :, 3]
         inside = (points >= low) & (points <= high) & (abs(slopes) <= DERIVATIVE_BOUND)
         length = lengths(control)
-        fit = (length >= self.limits.shortest) & (length <= self.limits.longest)
+        limits = self.field.limits
+        fit = (length >= limits.shortest) & (length <= limits.longest)
         admitted = np.asarray(inside.all(axis=(1, 2)) & fit.all(axis=1))
         sampled = sample_weights(self.samples) @ control[admitted]
         count, segments, samples, dimension = sampled.shape
@@ -105,14 +104,16 @@ class Window:
 
 @lru_cache(maxsize=4)
 def _sampled(window: Window) -> Problem:
-    constraints: list[Constraint] = [LengthBounds(window.limits, np.zeros(window.chain.segments))]
+    constraints: list[Constraint] = [
+        LengthBounds(window.field.limits, np.zeros(window.chain.segments))
+    ]
     if len(window.obstacles):
         constraints.append(SampledClearance(window.obstacles, sample_weights(window.samples)))
     return Problem(window.chain, window.objective, constraints, window.box, window.bending_weight)
 
 
 def horizon_window(
-    field: Field, vehicle: transition.State, limits: Limits, settings: WindowSettings, segments: int
+    field: Field, vehicle: transition.State, settings: WindowSettings, segments: int
 ) -> Window:
     """The look-ahead window, which minimises d (1 + alpha l / l_min), as in `HorizonObjective`.
 
@@ -125,15 +126,14 @@ def horizon_window(
         chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
         objective=HorizonObjective(vehicle.position, field.goal, settings.alpha),
         field=field,
-        obstacles=field.obstacles.near(vehicle.position, settings.segments * limits.longest),
-        limits=limits,
+        obstacles=field.obstacles.near(vehicle.position, settings.segments * field.limits.longest),
         samples=settings.samples,
         bending_weight=settings.bending_weight,
     )
 
 
 def final_window(
-    field: Field, vehicle: transition.State, limits: Limits, settings: WindowSettings, segments: int
+    field: Field, vehicle: transition.State, settings: WindowSettings, segments: int
 ) -> Window:
     """The final window: the shortest chain that ends on the goal, among all obstacles.
 
@@ -146,7 +146,6 @@ def final_window(
         objective=LengthObjective(),
         field=field,
         obstacles=field.obstacles,
-        limits=limits,
         samples=settings.samples,
         bending_weight=settings.bending_weight,
     )

@@ -17,7 +17,7 @@ _OUTSIDE = 1e-6
 _MIN_RADIUS = 0.5
 """Lower bound on the radius of curvature of the distance's level lines [m]."""
 _NO_PATH = 1e3
-"""The cost-to-go assumed where no path leads to the goal [m]."""
+"""The least cost-to-go assumed where no path leads to the goal [m]."""
 _MAX_MOVES = 8
 """Maximum number of moves of a point out of discs that overlap."""
 
@@ -28,8 +28,9 @@ class ToGoObjective:
 
     The end of an infeasible chain may lie in a disc or outside the bounds. It is then moved out,
     and D is the distance moved plus the cost-to-go from there; the derivatives are those of D at
-    the moved point, an approximation. If no path is found, D is 1000 m with zero derivatives. Where
-    two paths are equally short D has a kink, and the derivatives are those of one of them.
+    the moved point, an approximation. If no path is found, D is 1000 m, or five times the field's
+    straight distance if that is more, with zero derivatives. Where two paths are equally short D
+    has a kink, and the derivatives are those of one of them.
     """
 
     togo: DistanceToGoal
@@ -51,7 +52,8 @@ class ToGoObjective:
                 break
             near = _out_of_discs(togo.scene, *near)
             way = togo.departure(*near)
-        return _expand(length, end[0], end[1], *near, way)
+        blocked = max(_NO_PATH, 5.0 * togo.field.distance) if way.distance == np.inf else 0.0
+        return _expand(length, end[0], end[1], *near, way, blocked)
 
 
 @compiled
@@ -75,13 +77,19 @@ def _out_of_discs(scene: Scene, x: float, y: float) -> tuple[float, float]:
 
 @compiled
 def _expand(
-    length: float, x: float, y: float, near_x: float, near_y: float, way: Departure
+    length: float,
+    x: float,
+    y: float,
+    near_x: float,
+    near_y: float,
+    way: Departure,
+    blocked: float,
 ) -> tuple[float, Array, Array]:
     """F and its derivatives at (x, y), given how a path leaves the point that it was moved to."""
     slope, curvature = np.zeros(3), np.zeros((3, 3))
     slope[0] = 1.0
     if way.distance == np.inf:
-        return length + _NO_PATH, slope, curvature
+        return length + blocked, slope, curvature
     slope[1], slope[2] = -way.ux, -way.uy
     # the end of the path's first line is the centre of curvature of D's level line
     bend = 1.0 / max(way.line, _MIN_RADIUS)

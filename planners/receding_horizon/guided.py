@@ -14,7 +14,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits, Step, is_feasible, transition
+from ferguson_gym.world import Field, Step, is_feasible, transition
 from ferguson_gym.world.turn_radius import check_turn_radius, keeps_turn_radius
 from planners.interface import Decision, State, WindowReport
 from planners.optimization import MultiStart, along_route, offset_guesses
@@ -36,6 +36,7 @@ from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, final_window
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_in import turn_in_routes
+from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep, ends_on_goal, remaining_plan
 from planners.whole_path.exact import SPACING
 from planners.whole_path.route_fit import CLOSE
@@ -81,12 +82,12 @@ class _Bound(NamedTuple):
     """Length [m] that the turn from the vehicle's heading into the shortest path needs."""
 
     @classmethod
-    def of(cls, field: Field, state: State, limits: Limits) -> _Bound:
+    def of(cls, field: Field, state: State) -> _Bound:
         """The bound in a state."""
         (togo,), (gradient,) = distance_to_go(field)(state.vehicle.position[None])
         derivative = state.vehicle.derivative
         turn = _TURN * float(np.linalg.norm(derivative) + derivative @ gradient)
-        return cls(float(togo), min(turn, _MOST_TURN * limits.shortest))
+        return cls(float(togo), min(turn, _MOST_TURN * field.limits.shortest))
 
     def excess(self, choice: _Choice) -> float:
         """Objective of a choice beyond the bound, relative to the length of its chain."""
@@ -102,6 +103,8 @@ class Guided(StepByStep):
         ValueError: a minimum turn radius that is not finite or not above the tolerance.
     """
 
+    METRES: ClassVar[tuple[str, ...]] = ("min_turn_radius",)
+
     classes: int = 2
     """Number of homotopy classes, best first, that initial guesses follow until one succeeds."""
     detours: int = 6
@@ -110,14 +113,14 @@ class Guided(StepByStep):
     """Segment lengths of initial guesses [m], tried until one leads to a chain."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     settings: WindowSettings = SMOOTH
-    limits: Limits = PAPER_LIMITS
     min_turn_radius: float | None = None
     """Minimum radius of curvature along the whole flight [m], certified; None allows any turn."""
 
     def __post_init__(self) -> None:
         if self.min_turn_radius is not None:
-            check_turn_radius(self.min_turn_radius, self.limits.tolerance)
+            check_turn_radius(self.min_turn_radius)
 
+    @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones; the seed has no effect.
 
@@ -134,7 +137,7 @@ class Guided(StepByStep):
             best = self._attempt(field, state, start, tried, ends)
             if best is not None:
                 break
-        bound = _Bound.of(field, state, self.limits)
+        bound = _Bound.of(field, state)
         if best is None or bound.excess(best) > CLOSE:
             for start in self._aligned_starts(field, state):
                 other = self._attempt(field, state, start, tried, ends)
@@ -182,7 +185,7 @@ class Guided(StepByStep):
             flown = vehicle.segments + len(tail)
             end = transition.State(rest[-1, 1], rest[-1, 3], flown)
             path = distance_to_go(field).path(end.position)
-            if path is not None and path.length >= self.limits.shortest:
+            if path is not None and path.length >= field.limits.shortest:
                 yield from self._followed("extended plan", field, vehicle, rest, end, path)
         for rank, path in self._class_paths(field, state):
             begun = np.empty((0, 4, 2))
@@ -202,9 +205,9 @@ class Guided(StepByStep):
         """Windows of some segments (n, 4, 2) and those that follow a path from their end."""
         # one segment more than usual: the objective ignores the direction at the end of the last
         most = self.settings.segments + 1
-        points, share = _first_part(path.points(SPACING), _AHEAD * self.limits.longest)
-        left = math.ceil(share * (self.limits.segments - end.segments))
-        for chain in turn_aligned(end, points, field.obstacles, self.limits, left):
+        points, share = _first_part(path.points(SPACING), _AHEAD * field.limits.longest)
+        left = math.ceil(share * (field.limits.segments - end.segments))
+        for chain in turn_aligned(end, points, field.obstacles, field.limits, left):
             whole = np.concatenate([begun, chain])
             final = share == 1.0 and len(whole) <= most
             make = self._final_window if final else self.window
@@ -261,31 +264,32 @@ class Guided(StepByStep):
             chain=Chain.from_state(vehicle.position, vehicle.derivative, segments),
             objective=ToGoObjective(distance_to_go(field)),
             field=field,
-            obstacles=field.obstacles.near(vehicle.position, segments * self.limits.longest),
-            limits=self.limits,
+            obstacles=field.obstacles.near(vehicle.position, segments * field.limits.longest),
             samples=self.settings.samples,
             bending_weight=self.settings.bending_weight,
             turn_radius=self.min_turn_radius or 0.0,
         )
 
     def _final_window(self, field: Field, vehicle: transition.State, segments: int) -> Window:
-        window = final_window(field, vehicle, self.limits, self.settings, segments)
+        window = final_window(field, vehicle, self.settings, segments)
         return replace(window, turn_radius=self.min_turn_radius or 0.0)
 
     def _remaining(self, field: Field, state: State) -> tuple[Array, Step] | None:
         """The rest of the last plan and its first segment as flown, if they are feasible."""
-        rest = remaining_plan(field, state, self.limits)
-        return rest if rest is not None and self._keeps_turn_radius(rest[1].control) else None
+        rest = remaining_plan(field, state)
+        return (
+            rest if rest is not None and self._keeps_turn_radius(field, rest[1].control) else None
+        )
 
     def _fly(self, field: Field, vehicle: transition.State, segment: Array) -> Step | None:
         """A segment (4, 2) as flown, certified since rounding changes it; None if it fails."""
-        step = transition.fly_segment(field, vehicle, segment, self.limits)
-        return step if step.flown and self._keeps_turn_radius(step.control) else None
+        step = transition.fly_segment(field, vehicle, segment)
+        return step if step.flown and self._keeps_turn_radius(field, step.control) else None
 
-    def _keeps_turn_radius(self, segment: Array) -> bool:
+    def _keeps_turn_radius(self, field: Field, segment: Array) -> bool:
         """Whether a segment (4, 2) keeps the turn radius."""
         radius = self.min_turn_radius
-        return radius is None or bool(keeps_turn_radius(segment, radius, self.limits.tolerance))
+        return radius is None or bool(keeps_turn_radius(segment, radius, field.limits.tolerance))
 
     def _can_be_continued(self, field: Field, chain: Array) -> bool:
         """Whether a chain (n, 4, 2) ends on the goal, or a feasible segment continues it."""
@@ -298,7 +302,7 @@ class Guided(StepByStep):
         points = path.points(SPACING)
         for stride in self.strides:
             ahead = along_route(end, points, 1, min(path.length, stride))
-            if is_feasible(ahead, field, self.limits).all() and self._keeps_turn_radius(ahead[0]):
+            if is_feasible(ahead, field).all() and self._keeps_turn_radius(field, ahead[0]):
                 return True
         turns = [
             along_route(end, route, 1, self.strides[0])

@@ -22,24 +22,19 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits, transition
-from ferguson_gym.world.actions import REACH
-from planners.interface import Decision, Plan, State, WindowReport
+from ferguson_gym.world import Field, transition
+from planners.interface import Decision, State, WindowReport
 from planners.optimization import FirstGuess, MultiStart, Proposer, RandomGuess
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.initial_guesses import random_chains, shifted, shifted_or_straight
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
-from planners.rollout import ends_on_goal, remaining_plan, roll_out
+from planners.rescaling import decided_in_image
+from planners.rollout import StepByStep, ends_on_goal, remaining_plan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RecedingHorizon:
-    """The paper's planner: `single-start` without random starts, `multi-start` with ten.
-
-    Raises:
-        ValueError: limits that allow segments longer than an action can express, if segments are
-            flown as actions.
-    """
+class RecedingHorizon(StepByStep):
+    """The paper's planner: `single-start` without random starts, `multi-start` with ten."""
 
     first_guess: FirstGuess = shifted_or_straight
     """Initial guesses of a window, before the random ones."""
@@ -60,26 +55,11 @@ class RecedingHorizon:
     """Solves windows from proposals."""
     solver: WindowSolver = field(default_factory=MultiStart)
     settings: WindowSettings = field(default_factory=WindowSettings)
-    limits: Limits = PAPER_LIMITS
-    follow: transition.Follow = transition.fly_segment
-    """How a segment is executed: rounded to an action of the environment, or unrounded
-    (`ferguson_gym.world.transition.follow_exactly`)."""
     deadline: float = math.inf
     """Time for a decision [s]. Once it has passed, the best certified chain found so far is flown,
     or the rest of the last plan; results then depend on the machine."""
 
-    def __post_init__(self) -> None:
-        reach = REACH if self.follow is transition.fly_segment else math.inf
-        if self.limits.longest + self.limits.tolerance > reach:
-            raise ValueError(
-                f"an action reaches {reach} m, too short for limits.longest = "
-                f"{self.limits.longest} m; transition.follow_exactly flies segments without actions"
-            )
-
-    def plan(self, field: Field, state: State, seed: int) -> Plan:
-        """Plan from a state to the goal. Randomness of a step comes from (seed, step)."""
-        return roll_out(self, field, state, seed, self.follow)
-
+    @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones."""
         search = _Search(state, self.deadline)
@@ -94,7 +74,7 @@ class RecedingHorizon:
 
     def _resume(self, field: Field, search: _Search) -> Decision | None:
         """Fly the rest of the last plan, if it is still feasible."""
-        rest = remaining_plan(field, search.state, self.limits, self.follow)
+        rest = remaining_plan(field, search.state)
         return None if rest is None else search.decision(*rest, start="planned")
 
     def _arrive(
@@ -130,7 +110,7 @@ class RecedingHorizon:
         self, field: Field, search: _Search, name: str, end: Certified, solver: WindowSolver
     ) -> Decision | None:
         """Fly a certified chain, re-optimised to end on the goal if its end is within the gate."""
-        if np.linalg.norm(end.control[-1, 1] - field.goal) <= self.limits.gate:
+        if np.linalg.norm(end.control[-1, 1] - field.goal) <= field.limits.gate:
             final = self._final(field, search, end.control, solver)
             if (step := self._fly(field, search, final)) is not None:
                 search.evaluations += final.evaluations
@@ -141,9 +121,9 @@ class RecedingHorizon:
     def window(self, field: Field, vehicle: transition.State) -> Window:
         """The next window: three segments, or fewer where three would overshoot the goal."""
         distance = float(np.linalg.norm(field.goal - vehicle.position))
-        fit = max(1, int(distance / self.limits.shortest))
+        fit = max(1, int(distance / field.limits.shortest))
         segments = min(self.settings.segments, fit)
-        return horizon_window(field, vehicle, self.limits, self.settings, segments)
+        return horizon_window(field, vehicle, self.settings, segments)
 
     def _proposed(
         self, field: Field, vehicle: transition.State, seed: int
@@ -172,7 +152,7 @@ class RecedingHorizon:
         Each round of random chains has more draws than the last.
         """
         vehicle, segments = state.vehicle, window.chain.segments
-        first = self.first_guess(vehicle, state.tail, segments, self.limits)
+        first = self.first_guess(vehicle, state.tail, segments, window.field.limits)
         if self.random_starts == 0:
             yield [*first]
             return
@@ -186,7 +166,8 @@ class RecedingHorizon:
     ) -> list[tuple[str, Array]]:
         """For each random start the first feasible one of its draws, if any is feasible."""
         count = self.random_starts * draws
-        drawn = self.random_guess(stream, vehicle, window.chain.segments, self.limits, count)
+        limits, segments = window.field.limits, window.chain.segments
+        drawn = self.random_guess(stream, vehicle, segments, limits, count)
         admitted = window.admits(drawn).reshape(self.random_starts, draws)
         return [
             # copied, so that a stored decision does not keep the whole array of draws alive
@@ -199,7 +180,7 @@ class RecedingHorizon:
     ) -> Certified:
         """The shortest chain to the goal found from a guess (n, 4, 2), of as many segments."""
         vehicle = search.state.vehicle
-        window = final_window(field, vehicle, self.limits, self.settings, len(guess))
+        window = final_window(field, vehicle, self.settings, len(guess))
         (final,) = solver.solve(window, [guess], search.until)
         return final
 
@@ -207,7 +188,7 @@ class RecedingHorizon:
         """The first segment as flown, certified since rounding changes it; None if it fails."""
         if not end.feasible:
             return None
-        step = self.follow(field, search.state.vehicle, end.control[0], self.limits)
+        step = transition.fly_segment(field, search.state.vehicle, end.control[0])
         return step if step.flown else None
 
 

@@ -24,10 +24,11 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
-from ferguson_gym.world import PAPER_LIMITS, Discs, Limits, is_feasible, transition
+from ferguson_gym.world import Discs, is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
 from planners.interface import Decision, Replanner, State, WindowReport
 from planners.receding_horizon.guided import Guided
+from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep
 
 SPACING = 0.25
@@ -67,7 +68,6 @@ class Pursuit(StepByStep):
     """Strides tried in turn if no feasible segment of the first stride is found [m]."""
     rescue: Replanner = field(default_factory=Guided)
     """Decides if no stride leads to a feasible segment."""
-    limits: Limits = PAPER_LIMITS
 
     def __post_init__(self) -> None:
         for name in ("margin", "narrowest", "stride"):
@@ -76,6 +76,7 @@ class Pursuit(StepByStep):
         if not all(0.0 < length < math.inf for length in self.others):
             raise ValueError(f"others must be lengths above 0 m, got {self.others!r}")
 
+    @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and a tentative second one; the seed has no effect.
 
@@ -86,10 +87,10 @@ class Pursuit(StepByStep):
         began = time.perf_counter()
         vehicle = state.vehicle
         for chain in self._chains(field, vehicle):
-            if not is_feasible(chain, field, self.limits).all():
+            if not is_feasible(chain, field).all():
                 continue
             # certified as flown, since rounding to a float32 action changes the segment
-            step = transition.fly_segment(field, vehicle, chain[0], self.limits)
+            step = transition.fly_segment(field, vehicle, chain[0])
             if step.flown:
                 report = WindowReport(step=vehicle.segments, seconds=time.perf_counter() - began)
                 return Decision(chain, report, first_step=step)

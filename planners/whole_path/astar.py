@@ -28,6 +28,10 @@ from planners.whole_path.shortcut import shortcut
 MAX_STEPS = 400
 """Maximum number of grid steps along an axis; a wider field gets a coarser grid, so that planning
 takes seconds in any field."""
+_ROUNDING = 1e-6
+"""Part of a grid step that does not make a further step."""
+_FRACTIONS = 2.0**20
+"""Lengths in the grid are multiples of one unit through this number."""
 LINK_STEPS = 2
 """Distance along each axis up to which grid points are connected to vehicle and goal [steps]."""
 
@@ -73,12 +77,12 @@ class AStar:
             ]
         )
         moves = moves[lines_clear(scene, points[moves[:, 0]], points[moves[:, 1]])]
-        lengths = np.linalg.norm(points[moves[:, 0]] - points[moves[:, 1]], axis=1)
+        lengths = _rounded(np.linalg.norm(points[moves[:, 0]] - points[moves[:, 1]], axis=1))
         graph = networkx.Graph()
         graph.add_nodes_from((start, goal))
         graph.add_weighted_edges_from(zip(*moves.T.tolist(), lengths.tolist(), strict=True))
         # the straight distance is an admissible heuristic
-        togo = np.linalg.norm(points - field.goal, axis=1).tolist()
+        togo = _rounded(np.linalg.norm(points - field.goal, axis=1)).tolist()
         try:
             way = networkx.astar_path(graph, start, goal, lambda node, _: togo[node])
         except networkx.NetworkXNoPath:
@@ -91,8 +95,17 @@ class AStar:
 
 def _axis(low: float, high: float, resolution: float) -> Array:
     """Coordinates of the grid along an axis [m], the bounds among them."""
-    steps = min(max(1, math.ceil((high - low) / resolution)), MAX_STEPS)
+    steps = min(max(1, math.ceil((high - low) / resolution - _ROUNDING)), MAX_STEPS)
     return np.linspace(low, high, steps + 1)
+
+
+def _rounded(lengths: Array) -> Array:
+    """Lengths (n,) in fractions whose sums are exact.
+
+    So grid paths of the same length are equal in every copy of a field, moved or scaled.
+    """
+    rounded: Array = np.round(lengths * _FRACTIONS) / _FRACTIONS
+    return rounded
 
 
 def _moves(columns: int, rows: int) -> Integers:

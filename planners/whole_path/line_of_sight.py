@@ -10,23 +10,20 @@ from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import point_view
 from ferguson_gym.shortest_paths.tangents import Records, Scene, View, is_clear, scene
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
 
 
-def scene_from(
-    field: Field, position: Array, tolerance: float = PAPER_LIMITS.tolerance
-) -> Scene | None:
+def scene_from(field: Field, position: Array) -> Scene | None:
     """The obstacles and bounds of lines from a vehicle; None if the vehicle itself collides.
 
-    The vehicle (2,) may violate discs or bounds by at most the tolerance [m]; then lines from it
-    may violate them by the same amount, since a flight may touch obstacles and must be able to
+    The vehicle (2,) may violate discs or bounds by at most the field's tolerance; then lines from
+    it may violate them by the same amount, since a flight may touch obstacles and must be able to
     leave them.
 
     Raises:
         TypeError: obstacles other than discs in the plane.
     """
     world, _ = scene(field)
-    free, discs = point_view(world, float(position[0]), float(position[1]), tolerance)
+    free, discs = point_view(world, float(position[0]), float(position[1]), field.limits.tolerance)
     if not free:
         return None
     low, high = world.box

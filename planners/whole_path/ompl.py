@@ -19,7 +19,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.shortest_paths.tangents import Records, scene
-from ferguson_gym.world import PAPER_LIMITS, Field, transition
+from ferguson_gym.world import Field, transition
 from planners.interface import Iterations, Route, Seconds
 from planners.whole_path.subprocess_worker import Worker
 
@@ -123,7 +123,7 @@ class Ompl:
     def _problem(self, field: Field, vehicle: transition.State, seed: int) -> Problem | None:
         """The planning problem; None if vehicle or goal is in collision or out of bounds."""
         discs = scene(field)[0].discs.copy()
-        tolerance = PAPER_LIMITS.tolerance
+        tolerance = field.limits.tolerance
         discs["reach"] = discs["radius"]
         for end in (vehicle.position, field.goal):
             distance = np.hypot(discs["x"] - end[0], discs["y"] - end[1])

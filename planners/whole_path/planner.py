@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import PAPER_LIMITS, Field, Limits
+from ferguson_gym.world import Field
+from ferguson_gym.world.similarity import similarity
 from planners.interface import (
     CrashedError,
     Decision,
@@ -24,6 +25,7 @@ from planners.interface import (
     Status,
     WindowReport,
 )
+from planners.rescaling import route_back, state_in_image
 from planners.rollout import ends_on_goal, flight_plan, fly_chain, remaining_plan, terminal_plan
 from planners.whole_path.route_fit import fit
 
@@ -33,16 +35,15 @@ class WholePath:
     """Plans a route once and fits segments to it."""
 
     router: Router
-    limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; a feasible rest of an earlier plan is returned."""
-        if (ended := terminal_plan(field, state, self.limits)) is not None:
+        if (ended := terminal_plan(field, state)) is not None:
             return ended
         began = time.perf_counter()
         chain, route, status, reason = self._chain(field, state, seed)
         flown = np.empty((0, 4, 2)) if chain is None else chain
-        steps, states = fly_chain(flown, field, state, self.limits)
+        steps, states = fly_chain(flown, field, state)
         if chain is not None and len(steps) == len(chain):
             status = Status.SOLVED
         report = WindowReport(
@@ -62,7 +63,13 @@ class WholePath:
         self, field: Field, state: State, seed: int
     ) -> tuple[Array | None, Route | None, Status, str]:
         """Segments (n, 4, 2) to the goal, their route, the status if they fail, and the reason."""
-        if ends_on_goal(field, state) and (rest := remaining_plan(field, state, self.limits)):
+        if (seen := similarity(field)) is not None:
+            found, route, status, reason = self._chain(
+                seen.image, state_in_image(seen, state), seed
+            )
+            chain = None if found is None else seen.control_back(found)
+            return chain, None if route is None else route_back(seen, route), status, reason
+        if ends_on_goal(field, state) and (rest := remaining_plan(field, state)):
             return rest[0], None, Status.NOT_FITTED, ""
         try:
             route = self.router.route(field, state.vehicle, seed)
@@ -70,7 +77,7 @@ class WholePath:
             return None, None, Status.CRASHED, str(error)
         if route is None:
             return None, None, Status.NO_ROUTE, ""
-        return fit(route.points, field, state.vehicle, self.limits), route, Status.NOT_FITTED, ""
+        return fit(route.points, field, state.vehicle), route, Status.NOT_FITTED, ""
 
 
 def with_seconds(planner: Planner, seconds: float | None) -> Planner:

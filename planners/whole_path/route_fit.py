@@ -16,7 +16,7 @@ import numpy as np
 
 from ferguson_gym.curves.path import Path
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Limits, transition
+from ferguson_gym.world import Field, transition
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.route_knots import turn_aligned
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
@@ -29,21 +29,21 @@ CLOSE = 1e-3
 SOLVER = MultiStart(search=ElasticSqp(iterations=200), sidesteps=())
 
 
-def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
+def fit(points: Array, field: Field, vehicle: transition.State) -> Array | None:
     """Fit a chain (n, 4, 2) to a route: the shortest found, certified feasible; None without one.
 
     It starts with the vehicle's position and derivative and ends on the goal, as do the route's
     points (m, 2) [m].
     """
-    left = limits.segments - vehicle.segments
+    left = field.limits.segments - vehicle.segments
     if left < 1:
         return None
-    best = _fit_evenly(points, field, vehicle, limits)
+    best = _fit_evenly(points, field, vehicle)
     enough = (1.0 + CLOSE) * _chord_length(points)
     if best is not None and Path(best).length <= enough:
         return best
-    for guess in turn_aligned(vehicle, points, field.obstacles, limits, left):
-        chain = _optimised(guess, field, vehicle, limits)
+    for guess in turn_aligned(vehicle, points, field.obstacles, field.limits, left):
+        chain = _optimised(guess, field, vehicle)
         if chain is not None and (best is None or Path(chain).length < Path(best).length):
             best = chain
             if Path(best).length <= enough:
@@ -51,28 +51,26 @@ def fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) 
     return best
 
 
-def _fit_evenly(
-    points: Array, field: Field, vehicle: transition.State, limits: Limits
-) -> Array | None:
+def _fit_evenly(points: Array, field: Field, vehicle: transition.State) -> Array | None:
     """Fit a chain from evenly spaced knots, with as many segments as its own length needs."""
-    left = limits.segments - vehicle.segments
-    chain = _fit(points, field, vehicle, limits)
+    left = field.limits.segments - vehicle.segments
+    chain = _fit(points, field, vehicle)
     if chain is None:
         return None
     path = Path(chain)
     if len(chain) == min(math.ceil(path.length / SPACINGS[0]), left):
         return chain
     # the number of segments must depend on the fitted path, not on the corners of the route
-    again = _fit(path.points(), field, vehicle, limits)
+    again = _fit(path.points(), field, vehicle)
     return chain if again is None else again
 
 
-def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits) -> Array | None:
+def _fit(points: Array, field: Field, vehicle: transition.State) -> Array | None:
     """Fit a chain with about as many segments as the length of the route needs."""
     whole = _chord_length(points)
     tried: set[int] = set()
     for spacing in SPACINGS:
-        left = limits.segments - vehicle.segments
+        left = field.limits.segments - vehicle.segments
         segments = min(max(1, math.ceil(whole / spacing)), left)
         if segments in tried:
             continue
@@ -81,17 +79,15 @@ def _fit(points: Array, field: Field, vehicle: transition.State, limits: Limits)
         # a straight guess that is too short gives the optimiser no direction in which to lengthen
         # it
         for guess in (on_route, *offset_guesses(on_route, SIDE_OFFSET)):
-            chain = _optimised(guess, field, vehicle, limits)
+            chain = _optimised(guess, field, vehicle)
             if chain is not None:
                 return chain
     return None
 
 
-def _optimised(
-    guess: Array, field: Field, vehicle: transition.State, limits: Limits
-) -> Array | None:
+def _optimised(guess: Array, field: Field, vehicle: transition.State) -> Array | None:
     """The shortest feasible chain near a guess (n, 4, 2) that ends on the goal, None if none."""
-    window = final_window(field, vehicle, limits, SMOOTH, len(guess))
+    window = final_window(field, vehicle, SMOOTH, len(guess))
     (end,) = SOLVER.solve(window, [guess])
     return end.control if end.feasible else None
 

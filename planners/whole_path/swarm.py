@@ -23,7 +23,7 @@ import numpy as np
 from ferguson_gym.curves import evaluate, length
 from ferguson_gym.curves.certified_kernels import bounds_margins
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import PAPER_LIMITS, Field, transition
+from ferguson_gym.world import Field, transition
 from planners.interface import Evaluations, Route, Seconds
 from planners.whole_path.swarm_objective import ChainObjective, Encoding, Penalties, chain_objective
 
@@ -101,8 +101,8 @@ class Swarms:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
-        left = PAPER_LIMITS.segments - vehicle.segments
-        if np.linalg.norm(field.goal - vehicle.position) > PAPER_LIMITS.longest * left:
+        left = field.limits.segments - vehicle.segments
+        if np.linalg.norm(field.goal - vehicle.position) > field.limits.longest * left:
             return None  # such chains would need too much memory
         objective = chain_objective(field, vehicle, self.encoding, self.penalties)
         stream = np.random.default_rng([seed, vehicle.segments])

@@ -28,7 +28,6 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 
 CELLS = 32
@@ -197,7 +196,6 @@ def chain_objective(
     vehicle: transition.State,
     encoding: Encoding,
     penalties: Penalties,
-    limits: Limits = PAPER_LIMITS,
 ) -> ChainObjective:
     """The objective of chains from a vehicle to the goal.
 
@@ -208,6 +206,7 @@ def chain_objective(
     if not isinstance(discs, Discs) or discs.dimension != 2:
         raise TypeError(f"swarms support discs in the plane, not {type(discs).__name__}")
     base, reach = encoding.arrays(field, vehicle)
+    limits = field.limits
     weights = penalties.depth, penalties.inside, penalties.length, limits.shortest, limits.longest
     return ChainObjective(
         base=base.ravel(),

@@ -22,12 +22,13 @@ import numpy as np
 
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Limits, Step, fly_segment
+from ferguson_gym.world import Field, Step, fly_segment
 from planners.interface import Decision, Replanner, State
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import WindowSolver
 from planners.optimization.objectives import HorizonObjective
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, horizon_window
+from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep
 
 _SAMPLES = np.linspace(1.0, 0.0, 33)
@@ -58,11 +59,7 @@ class Backtracking(StepByStep):
         if self.patience < 1:
             raise ValueError(f"patience is at least 1 segment, got {self.patience}")
 
-    @property
-    def limits(self) -> Limits:
-        """Bounds on a segment."""
-        return self.planner.limits
-
+    @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones."""
         began = time.perf_counter()
@@ -86,7 +83,7 @@ class Backtracking(StepByStep):
         for window, guess in self._windows_back(field, state):
             (end,) = self.solver.solve(window, [guess])
             if end.feasible:
-                step = fly_segment(field, state.vehicle, end.control[0], self.limits)
+                step = fly_segment(field, state.vehicle, end.control[0])
                 if step.flown:
                     return end.control, step
         return None
@@ -98,7 +95,7 @@ class Backtracking(StepByStep):
         for segments in (1, 2):
             guess = along_route(vehicle, points, segments, segments * self.stride)
             toward = HorizonObjective(vehicle.position, guess[-1, 1], self.settings.alpha)
-            window = horizon_window(field, vehicle, self.limits, self.settings, segments)
+            window = horizon_window(field, vehicle, self.settings, segments)
             window = dataclasses.replace(window, objective=toward)
             for start in (guess, *offset_guesses(guess, SIDE_OFFSET)):
                 yield window, start

@@ -14,7 +14,7 @@ import numpy as np
 
 from ferguson_gym.curves.splines import evaluate, subdivide
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Limits, fly_segment, is_feasible
+from ferguson_gym.world import Field, fly_segment, is_feasible
 from planners.interface import Decision, Replanner, State
 from planners.rollout import StepByStep
 
@@ -30,7 +30,7 @@ class Sensing(StepByStep):
     feasible.
 
     Raises:
-        ValueError: a range below the longest segment.
+        ValueError: a range that is not positive; `decide` refuses one below the longest segment.
     """
 
     planner: Replanner
@@ -39,27 +39,28 @@ class Sensing(StepByStep):
     """The sensing range [m], from the path flown to an obstacle's boundary."""
 
     def __post_init__(self) -> None:
-        if not self.reach >= self.limits.longest:
-            raise ValueError(
-                "a sensing range must be at least the longest segment, "
-                f"{self.limits.longest:g} m, got {self.reach:g} m"
-            )
-
-    @property
-    def limits(self) -> Limits:
-        """Bounds on a segment."""
-        return self.planner.limits
+        if not self.reach > 0.0:
+            raise ValueError(f"a sensing range must be above 0 m, got {self.reach:g} m")
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        """Choose the next segment and tentative further ones, among known obstacles."""
+        """Choose the next segment and tentative further ones, among known obstacles.
+
+        Raises:
+            ValueError: a range below the longest segment of the field.
+        """
         began = time.perf_counter()
+        if not self.reach >= field.limits.longest:
+            raise ValueError(
+                "a sensing range must be at least the longest segment, "
+                f"{field.limits.longest:g} m in field {field.name}, got {self.reach:g} m"
+            )
         seen = known_field(field, state, self.reach)
         decision = self.planner.decide(seen, state, seed)
         chain = decision.chain
         if chain is not None and not self._leaves_room(seen, chain[0]):
             halves = _halved(chain[0])
-            flown = fly_segment(seen, state.vehicle, halves[0], self.limits).flown
-            if flown and is_feasible(halves[1], seen, self.limits):
+            flown = fly_segment(seen, state.vehicle, halves[0]).flown
+            if flown and is_feasible(halves[1], seen):
                 chain = np.concatenate([halves, chain[1:]])
         report = replace(decision.report, seconds=time.perf_counter() - began)
         # the planner's certificate holds among known obstacles: the rollout certifies in the field
@@ -75,7 +76,7 @@ class Sensing(StepByStep):
         if np.array_equal(end, field.goal):
             return True
         room = self.reach - float(np.linalg.norm(end - start))
-        return room >= 0.5 * self.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
+        return room >= 0.5 * field.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
 
 
 def _halved(segment: Array) -> Array:

@@ -14,14 +14,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.world import Field, Limits, fly_segment
+from ferguson_gym.world import Field, fly_segment
 from planners.interface import Decision, Replanner, State
 from planners.rollout import StepByStep
 
 MARGIN_FRACTIONS = (1.0, 0.4, 0.0)
 """Fractions of the margin, tried in turn."""
 _OUTSIDE = 1e-6
-"""Least distance of vehicle, start and goal from a grown obstacle [m]."""
+"""Least distance of vehicle, start and goal from a grown obstacle [units of the field]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,11 +41,6 @@ class Margin(StepByStep):
         if not 0.0 < self.margin < math.inf:
             raise ValueError(f"a margin must be above 0 m and finite, got {self.margin:g} m")
 
-    @property
-    def limits(self) -> Limits:
-        """Bounds on a segment."""
-        return self.planner.limits
-
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones."""
         began = time.perf_counter()
@@ -55,7 +50,7 @@ class Margin(StepByStep):
             chain, step = decision.chain, decision.first_step
             if chain is not None and (step is None or shown is not field):
                 # the planner's certificate holds among grown obstacles
-                step = fly_segment(field, state.vehicle, chain[0], self.limits)
+                step = fly_segment(field, state.vehicle, chain[0])
             if step is not None and step.flown:
                 break
         report = replace(decision.report, seconds=time.perf_counter() - began)
@@ -69,7 +64,7 @@ def grown_field(field: Field, state: State, margin: float) -> Field:
     margins return the same `Field` object, because planners cache results by the field's identity.
     """
     free = np.stack([state.vehicle.position, field.start, field.goal])
-    room = field.obstacles.signed_distance(free).min(axis=0) - _OUTSIDE
+    room = field.obstacles.signed_distance(free).min(axis=0) - _OUTSIDE * field.limits.unit
     by = np.clip(room, 0.0, margin)
     return _grown(field, by.tobytes()) if by.any() else field
 

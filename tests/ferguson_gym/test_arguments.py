@@ -28,10 +28,10 @@ def actions(stream: np.random.Generator, number: int) -> np.ndarray:
 
 
 def test_every_argument_can_be_read_as_an_attribute() -> None:
-    env = ObstacleField(obstacles=9, radii=[2.0, 3.0])
+    env = ObstacleField(obstacles=9, radii=[2.0, 3.0], gate=1.5)
     for name in ARGUMENTS:
         assert getattr(env, name) == getattr(env.settings, name)
-    assert (env.obstacles, env.radii, env.gate) == (9, (2.0, 3.0), 1.0)
+    assert (env.obstacles, env.radii, env.gate) == (9, (2.0, 3.0), 1.5)
 
 
 def test_a_change_takes_effect_at_the_next_reset() -> None:

@@ -126,9 +126,9 @@ def test_the_spec_says_after_how_many_steps_flights_are_truncated(arguments: dic
 )
 def test_a_limit_of_steps_lowers_the_number_of_segments(arguments: dict, steps: int) -> None:
     envs = gym.make_vec(ENVIRONMENT_ID, num_envs=2, **arguments)
-    assert envs.unwrapped.settings.segments == envs.spec.max_episode_steps == steps
+    assert envs.unwrapped.settings.max_segments == envs.spec.max_episode_steps == steps
     again = gym.make_vec(envs.spec)
-    assert again.unwrapped.settings.segments == steps
+    assert again.unwrapped.settings.max_segments == steps
     for wrong in (0, 2.5, True, "9"):
         with pytest.raises(ValueError, match="max_episode_steps must be an integer >= 1"):
             gym.make_vec(ENVIRONMENT_ID, num_envs=2, max_episode_steps=wrong)

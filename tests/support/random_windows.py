@@ -47,7 +47,7 @@ class Case:
         vehicle = State(_position(stream, field, self.place), along)
         make = final_window if self.final else horizon_window
         settings = WindowSettings(bending_weight=self.bending_weight)
-        window = make(field, vehicle, PAPER_LIMITS, settings, self.segments)
+        window = make(field, vehicle, settings, self.segments)
         (guess,) = random_chains(stream, vehicle, self.segments, PAPER_LIMITS, 1)
         match self.guess:
             case "coincident":

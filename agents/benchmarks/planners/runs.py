@@ -18,7 +18,6 @@ from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import exact_length, gap
 from ferguson_gym.world import Field, inspect, is_feasible
-from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import Plan, Route, Status, initial_state
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
@@ -111,7 +110,7 @@ def certified(control: Array, field: Field) -> bool:
         return False
     exact = exact_length(field)
     return (
-        len(path) <= PAPER_LIMITS.segments
+        len(path) <= field.limits.segments
         and np.array_equal(control[0, 0], field.start)
         and np.array_equal(control[0, 2], field.departure)
         and np.array_equal(control[-1, 1], field.goal)

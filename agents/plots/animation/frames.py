@@ -12,7 +12,6 @@ from ferguson_gym.curves import evaluate, length
 from ferguson_gym.rendering.motion import FPS, STRIDE, parts
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
 
 OPENING, MOVE, END = 1.2, 1.0 / FPS, 4.0
 """Seconds for which a frame is shown: before the flight, in motion, at the end."""
@@ -132,7 +131,7 @@ def _intent(flight: Flight, step: int, frame: Frame) -> Frame:
         candidates=candidates,
         start=chosen[-1] if chosen else None,
         origin=frame.position if searched else None,
-        reach=len(candidates[-1]) * PAPER_LIMITS.longest if searched else 0.0,
+        reach=len(candidates[-1]) * flight.field.limits.longest if searched else 0.0,
         known=decision.known,
     )
 

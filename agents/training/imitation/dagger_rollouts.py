@@ -96,7 +96,8 @@ def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> R
             label: Action | None = None
             chain = planner.decide(field, State(vehicle), 0).chain
             if chain is not None:
-                label = encode(chain[0], vehicle.position, vehicle.derivative)
+                unit = field.limits.unit
+                label = encode(chain[0], vehicle.position, vehicle.derivative, unit)
                 own.append(labelled_row(seed, vehicle, label))
             step = advance(field, vehicle, act(observe_one(field, vehicle, settings)))
             steps += 1

@@ -23,13 +23,13 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.clearance import least_speed
 from ferguson_gym.curves.splines import basis, extent
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Limits
+from ferguson_gym.world import Field
 from planners.optimization.certification import (
     MAX_SOLVES,
-    TARGET_TOLERANCE,
     Certified,
     Solution,
     certify,
+    target_tolerance,
 )
 from planners.optimization.nonlinear_program import Program
 from planners.optimization.quadrature import lengths
@@ -77,7 +77,7 @@ class ByExchange:
                 break
             if time.perf_counter() > until:
                 break
-            problem = problem.joined_by(broken_rows(control, window.field, window.limits))
+            problem = problem.joined_by(broken_rows(control, window.field))
         return Certified(
             solution=solution,
             control=control,
@@ -88,25 +88,22 @@ class ByExchange:
         )
 
 
-def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint]:
+def broken_rows(control: Array, field: Field) -> list[Constraint]:
     """Constraints for all limits that certification finds violated along segments (n, 4, D).
 
     Certification is repeated, since a row needs the parameter of the violation.
     """
     rows: list[Constraint] = []
-    certified = length(control)
-    if (
-        (certified < limits.shortest - TARGET_TOLERANCE)
-        | (certified > limits.longest + TARGET_TOLERANCE)
-    ).any():
+    certified, limits, tolerance = length(control), field.limits, target_tolerance(field)
+    if ((certified < limits.shortest - tolerance) | (certified > limits.longest + tolerance)).any():
         rows.append(LengthBounds(limits, certified - lengths(control)))
     speed, t = least_speed(control)
-    if len(slow := np.flatnonzero(speed < limits.slowest - TARGET_TOLERANCE)):
+    if len(slow := np.flatnonzero(speed < limits.slowest - tolerance)):
         rows.append(SpeedAt(limits.slowest, slow, basis(t[slow], 1)))
     low, high = extent(control)
-    outside = (
-        (low < field.bounds[0] - TARGET_TOLERANCE) | (high > field.bounds[1] + TARGET_TOLERANCE)
-    ).any(axis=-1)
+    outside = ((low < field.bounds[0] - tolerance) | (high > field.bounds[1] + tolerance)).any(
+        axis=-1
+    )
     if len(outer := np.flatnonzero(outside)):
         # at many parameters, since a coordinate has up to two extremes inside and two ends, which
         # move
@@ -114,7 +111,7 @@ def broken_rows(control: Array, field: Field, limits: Limits) -> list[Constraint
         segment, weights = np.repeat(outer, len(t)), np.tile(basis(t), (len(outer), 1))
         rows.append(InsideAt(field.bounds, segment, weights))
     clear, t = field.obstacles.closest(control)
-    segment, obstacle = np.nonzero(clear < -TARGET_TOLERANCE)
+    segment, obstacle = np.nonzero(clear < -tolerance)
     if len(segment):
         rows.append(ClearanceAt(field.obstacles, segment, obstacle, basis(t[segment, obstacle])))
     return rows

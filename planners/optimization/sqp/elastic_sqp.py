@@ -29,7 +29,7 @@ import numpy as np
 from ferguson_gym.curves.arc_length import length as certified_length
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.obstacles import Discs
-from planners.optimization.certification import TARGET_TOLERANCE
+from planners.optimization.certification import target_tolerance
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
 from planners.optimization.sqp.expansion import Layout, expand
@@ -48,8 +48,8 @@ from planners.optimization.sqp.trust_region import TrustRegion
 from planners.optimization.sqp.turn_contacts import too_sharp
 from planners.optimization.window import Window
 
-_FEASIBLE = 0.3 * TARGET_TOLERANCE
-"""Sum of violations [m] that counts as zero."""
+_FEASIBLE = 0.3
+"""Sum of violations that counts as zero, as a fraction of the tolerance aimed for."""
 _NEARLY_FEASIBLE = 1e-2
 """Violation [m] below which feasibility can be restored in a few steps."""
 _Box: TypeAlias = tuple[Array, Array]
@@ -128,6 +128,7 @@ class Search:
         self.model = np.empty((m, m))
         self.rows = elastic_qp.empty_rows(n, m, room)
         self.evaluations = 0
+        self.tolerance = target_tolerance(window.field)
 
     def start(self, guess: Array, bound: float) -> SearchState:
         """Search from a guess (n, 4, 2), and stop early if the objective cannot fall below `bound`.
@@ -156,9 +157,9 @@ class Search:
         if state.status not in (CONVERGED, ABANDONED):
             return False
         clear, t = self.window.obstacles.closest(chain)
-        segment, disc = np.nonzero(clear < -TARGET_TOLERANCE)
+        segment, disc = np.nonzero(clear < -self.tolerance)
         pinned = np.column_stack([segment, disc, t[segment, disc]])
-        pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, TARGET_TOLERANCE)])
+        pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, self.tolerance)])
         every = np.vstack([state.layout.pinned_contacts, pinned])
         state.layout = state.layout._replace(pinned_contacts=every)
         return len(pinned) > 0
@@ -272,9 +273,9 @@ class Search:
             if p is None:
                 return False
             self._expand(there, point.x + p, elastic_qp.reach(radius))
-            if there.violation < _FEASIBLE:
+            if there.violation < _FEASIBLE * self.tolerance:
                 off = certified_length(there.expansion.control) - there.expansion.length
-                if np.abs(off).max() < _FEASIBLE:
+                if np.abs(off).max() < _FEASIBLE * self.tolerance:
                     return True
                 self.layout = self.layout._replace(correction=self.layout.correction + off)
                 self._expand(there, there.x, elastic_qp.reach(radius))

@@ -109,7 +109,7 @@ def agreement(here: Iterate, there: Iterate, decrease: float) -> float:
 
 def layout_of(window: Window, discs: Discs) -> Layout:
     """A window's chain and limits for compiled functions, without pinned contacts."""
-    chain, limits = window.chain, window.limits
+    chain, limits = window.chain, window.field.limits
     places = np.full(chain.free.shape, -1, np.int64)
     places[chain.free] = np.arange(chain.free.sum())
     # rows start, end, start derivative, end derivative, as in a control array

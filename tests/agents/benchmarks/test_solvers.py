@@ -106,7 +106,7 @@ def test_ipopt_and_slsqp_reach_the_same_minimum() -> None:
     pytest.importorskip("casadi")
     discs = Discs([[9.0, 7.0]], [2.0])
     field = Field(name="easy", obstacles=discs, goal=np.array([20.0, 20.0]))
-    window = final_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
+    window = final_window(field, initial_state(field), WindowSettings(), 3)
     guess = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     ends = [ByExchange(solver).solve(window, [guess])[0] for solver in (Ipopt(), Slsqp())]
     assert all(end.feasible for end in ends)

@@ -17,7 +17,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.limits import PAPER_LIMITS
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import Decision, Plan, State, WindowReport
@@ -42,8 +42,6 @@ AGENTS = {
 
 class Never:
     """A planner that finds nothing."""
-
-    limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         return roll_out(self, field, state, seed)

@@ -223,7 +223,7 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
         ({"radii": "ab"}, "radii must be an array of numbers, got 'ab'"),
         ({"gate": -0.1}, "need 0 <= gate < shortest, got -0.1 m"),
         ({"gate": 3.0}, "need 0 <= gate < shortest, got 3.0 m"),
-        ({"gate": np.nan}, "gate must be finite, got nan"),
+        ({"gate": np.nan}, "need 0 <= gate < shortest, got nan m"),
         ({"gate": "1"}, "gate must be a number, got '1'"),
         ({"segments": 0}, "segments from 1 to 10000, got 0"),
         ({"segments": 2.5}, r"segments must be an integer, got 2\.5"),

@@ -76,8 +76,6 @@ def test_steps_are_those_of_the_plain_function(suite: str) -> None:
     envs = VectorObstacleField(
         NUMBER, autoreset_mode="Disabled", suite=suite, fields=1, capacity=180, **arguments
     )
-    limits = envs.settings.limits
-    assert (limits.gate, limits.segments) == (1.5, 6)
     stream, outcomes = np.random.default_rng(1), set()
     fields = [drawn_field(suite, seed) for seed in range(NUMBER)]
     _, infos = envs.reset(options={"field": fields})
@@ -90,7 +88,9 @@ def test_steps_are_those_of_the_plain_function(suite: str) -> None:
         actions = drawn(stream, envs)
         _, reward, terminated, truncated, infos = envs.step(actions)
         for i, (field, state) in enumerate(zip(fields, states, strict=True)):
-            step = advance(field, state, actions[i], limits)
+            limited = envs.field(i)
+            assert (limited.limits.gate, limited.limits.segments) == (1.5, 6)
+            step = advance(limited, state, actions[i])
             outcomes.add(step.outcome)
             assert Outcome.from_code(infos["outcome"][i]) is step.outcome
             assert infos["is_success"][i] == (step.outcome is Outcome.GOAL_REACHED)

@@ -74,18 +74,20 @@ def cuts_a_disc(excess):
 @pytest.mark.parametrize("tolerance", [None, 1e-6, 1e-5, 1e-3])
 def test_every_limit_allows_its_tolerance_and_no_more(build, outcome, tolerance):
     allowed = 1e-5 if tolerance is None else tolerance
-    limits = Limits(tolerance=allowed)
     for excess, feasible in ((0.0, True), (allowed - 1e-7, True), (allowed + 1e-7, False)):
         control, field = build(excess)
         assert is_feasible(control, field, tolerance=tolerance) == feasible
-        assert is_feasible(control, field, limits) == feasible
-        assert inspect(control, field).outcome(limits) is (Outcome.FLYING if feasible else outcome)
+        other = field.with_limits(tolerance=allowed)
+        assert is_feasible(control, other) == feasible
+        assert inspect(control, field).outcome(other.limits) is (
+            Outcome.FLYING if feasible else outcome
+        )
 
 
 def test_limits_other_than_the_papers_are_obeyed():
-    limits = Limits(shortest=5.0, longest=8.0, slowest=6.0, gate=2.0)
+    field = OPEN.with_limits(shortest=5.0, longest=8.0, slowest=6.0, gate=2.0)
     for distance, feasible in ((4.9, False), (5.9, False), (6.1, True), (8.1, False)):
-        assert is_feasible(straight(distance), OPEN, limits) == feasible
+        assert is_feasible(straight(distance), field) == feasible
 
 
 @pytest.mark.parametrize(
@@ -110,7 +112,7 @@ def test_the_first_failure_in_order_is_named(speed, metres, room, clearance, out
         bounds_margin=np.array(room),
         clearance=np.array(clearance),
     )
-    assert found.outcome() is outcome
+    assert found.outcome(PAPER_LIMITS) is outcome
 
 
 def wild_segments(count):
@@ -124,7 +126,7 @@ def wild_segments(count):
 
 def test_feasible_is_what_inspection_calls_flying():
     field, control = suite_field("dense", "train", 0), wild_segments(400)
-    outcomes = [inspect(one, field).outcome() for one in control]
+    outcomes = [inspect(one, field).outcome(field.limits) for one in control]
     assert set(outcomes) == {
         Outcome.FLYING,
         Outcome.NOT_REGULAR,
@@ -159,7 +161,7 @@ def test_a_cut_between_the_papers_samples_is_refused():
     field = Field(name="between", obstacles=disc)
     assert disc.signed_distance(samples).min() > 0.0
     found = inspect(straight(15.0), field)
-    assert found.outcome() is Outcome.COLLISION
+    assert found.outcome(PAPER_LIMITS) is Outcome.COLLISION
     assert found.clearance == pytest.approx(8.96**0.5 - 3.0, abs=1e-7)
 
 
@@ -249,7 +251,8 @@ def test_limits_are_those_of_the_design():
     [
         ({"shortest": 0.0}, "need 0 < shortest < longest, got 0.0 m and 15.0 m"),
         ({"shortest": 15.0}, "need 0 < shortest < longest, got 15.0 m and 15.0 m"),
-        ({"longest": 2.0}, "need 0 < shortest < longest, got 3.0 m and 2.0 m"),
+        ({"longest": 2.0, "shortest": 3.0}, "need 0 < shortest < longest, got 3.0 m and 2.0 m"),
+        ({"longest": -2.0}, "need 0 < shortest < longest, got -0.4 m and -2.0 m"),
         ({"tolerance": -1e-9}, "need 0 <= tolerance < slowest, got -1e-09 m and 0.1 m"),
         ({"slowest": 1e-5}, "need 0 <= tolerance < slowest, got 1e-05 m and 1e-05 m"),
         ({"gate": 3.0}, "need 0 <= gate < shortest, got 3.0 m and 3.0 m"),
@@ -274,7 +277,7 @@ def test_limits_that_are_not_finite_are_refused(name, value):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"gate": None}, "limit gate must be a number, got None"),
+        ({"gate": "1"}, "limit gate must be a number, got '1'"),
         ({"longest": "15"}, "limit longest must be a number, got '15'"),
         ({"segments": 1.5}, "limit segments must be a whole number, got 1.5"),
         ({"longest": 10**400}, "limit longest must be a number, got 1000"),

@@ -7,7 +7,6 @@ from ferguson_gym.world.actions import encode
 from ferguson_gym.world.feasibility import inspect
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import (
@@ -15,7 +14,6 @@ from ferguson_gym.world.transition import (
     advance,
     advance_all,
     fly_segment,
-    follow_exactly,
     initial_state,
 )
 
@@ -90,29 +88,11 @@ def test_a_segment_that_ends_within_the_gate_ends_on_the_goal(x, reached):
     assert np.array_equal(step.control[1], OPEN.goal) == reached
 
 
-@pytest.mark.parametrize("x", [75.0, 89.1])
-def test_without_actions_segments_are_flown_as_they_are(x):
-    state, limits = heading_east(x - 20.0), Limits(longest=25.0)
-    segment = [[7.0, 7.0], [x, 100.0], [1.0, 2.0], [20.0, 0.0]]
-    step = follow_exactly(OPEN, state, segment, limits)
-    np.testing.assert_array_equal(step.control[1], segment[1])
-    np.testing.assert_array_equal(step.control[[0, 2]], [state.position, state.derivative])
-    np.testing.assert_array_equal(step.state.derivative, segment[3])
-    assert step.outcome is Outcome.FLYING
-    assert follow_exactly(OPEN, state, segment).outcome is Outcome.TOO_LONG
-
-
-def test_without_actions_a_segment_within_the_gate_ends_on_the_goal():
-    segment = [[80.0, 100.0], [99.5, 100.4], EAST, [20.0, 0.0]]
-    step = follow_exactly(OPEN, heading_east(80.0), segment, Limits(longest=25.0))
-    assert step.outcome is Outcome.GOAL_REACHED
-    np.testing.assert_array_equal(step.state.position, OPEN.goal)
-
-
 def test_the_gate_is_that_of_the_limits():
     state = heading_east(89.0)
-    assert advance(OPEN, state, AHEAD, Limits(gate=2.1)).outcome is Outcome.GOAL_REACHED
-    assert advance(OPEN, state, AHEAD, Limits(gate=1.9)).outcome is Outcome.FLYING
+    wide, narrow = OPEN.with_limits(gate=2.1), OPEN.with_limits(gate=1.9)
+    assert advance(wide, state, AHEAD).outcome is Outcome.GOAL_REACHED
+    assert advance(narrow, state, AHEAD).outcome is Outcome.FLYING
 
 
 def test_the_segment_moved_onto_the_goal_is_the_one_that_is_checked():
@@ -129,7 +109,7 @@ def test_the_segment_moved_onto_the_goal_is_the_one_that_is_checked():
     [(0, Outcome.FLYING), (1, Outcome.FLYING), (2, Outcome.OUT_OF_SEGMENTS)],
 )
 def test_a_flight_is_over_when_its_segments_are_used_up(segments, outcome):
-    step = advance(OPEN, heading_east(20.0, 20.0, segments), AHEAD, Limits(segments=3))
+    step = advance(OPEN.with_limits(segments=3), heading_east(20.0, 20.0, segments), AHEAD)
     assert step.outcome is outcome
     assert step.flown
     assert not step.outcome.success

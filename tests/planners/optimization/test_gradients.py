@@ -22,7 +22,7 @@ SETTINGS = WindowSettings()
 
 def program(final: bool, segments: int = 3, window_settings: WindowSettings = SETTINGS) -> Problem:
     make = final_window if final else horizon_window
-    problem = make(FIELD, initial_state(FIELD), PAPER_LIMITS, window_settings, segments).sampled()
+    problem = make(FIELD, initial_state(FIELD), window_settings, segments).sampled()
     t = np.array([0.31, 0.77])
     segment, obstacle = np.array([0, segments - 1]), np.array([3, 41])
     return problem.joined_by(
@@ -70,21 +70,21 @@ def test_complex_step_is_exact_where_differences_are_not() -> None:
 
 
 def test_a_held_goal_is_not_among_the_unknowns() -> None:
-    problem = final_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    problem = final_window(FIELD, initial_state(FIELD), SETTINGS, 3).sampled()
     x = random_unknowns(problem, 0)
     assert x.shape == (10,)
     np.testing.assert_array_equal(problem.chain.control(x)[-1, 1], FIELD.goal)
 
 
 def test_unknowns_and_control_are_inverse() -> None:
-    problem = horizon_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    problem = horizon_window(FIELD, initial_state(FIELD), SETTINGS, 3).sampled()
     x = random_unknowns(problem, 1)
     assert x.shape == (12,)
     np.testing.assert_array_equal(problem.chain.unknowns(problem.chain.control(x)), x)
 
 
 def test_the_solver_finds_the_same_minimum_with_either_gradient() -> None:
-    problem = horizon_window(FIELD, initial_state(FIELD), PAPER_LIMITS, SETTINGS, 3).sampled()
+    problem = horizon_window(FIELD, initial_state(FIELD), SETTINGS, 3).sampled()
     guess = problem.chain.unknowns(straight_ahead(initial_state(FIELD), 3, PAPER_LIMITS))
     analytic = Slsqp().solve(problem, guess)
     stepped = ByComplexStep(Slsqp()).solve(problem, guess)

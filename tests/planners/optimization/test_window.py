@@ -17,8 +17,8 @@ OPEN = Field(name="open", obstacles=Discs([], []))
 def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:
     field = get_field("paper:1")
     vehicle = transition.initial_state(field)
-    near = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
-    every = final_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3).sampled()
+    near = horizon_window(field, vehicle, WindowSettings(), 3).sampled()
+    every = final_window(field, vehicle, WindowSettings(), 3).sampled()
     within = int((field.obstacles.signed_distance(field.start) <= 45.0).sum())
     assert 0 < within < 50
     guess = straight_ahead(vehicle, 3, PAPER_LIMITS)
@@ -30,7 +30,7 @@ def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> 
 def test_a_window_admits_what_the_sampled_program_does(number: int) -> None:
     field = get_field(f"paper:{number}")
     vehicle = transition.initial_state(field)
-    window = horizon_window(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    window = horizon_window(field, vehicle, WindowSettings(), 3)
     chains = random_chains(np.random.default_rng(0), vehicle, 3, PAPER_LIMITS, 1000)
     problem, (low, high) = window.sampled(), window.box
     unknowns = [window.chain.unknowns(chain) for chain in chains]

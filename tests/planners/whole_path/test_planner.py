@@ -13,13 +13,11 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import CrashedError, Route, State, Status, initial_state
 from planners.optimization.certification import TARGET_TOLERANCE
 from planners.registry import make
-from planners.whole_path.exact import ShortestPathRouter
 from planners.whole_path.planner import WholePath
 from planners.whole_path.route_fit import fit
 
@@ -73,7 +71,7 @@ def test_the_exact_path_is_flown_within_a_thousandth(spec: str) -> None:
 
 def test_the_fit_pulls_a_detour_taut() -> None:
     corner = np.array([[0.0, 0.0], [100.0, 0.0], [100.0, 100.0]])
-    chain = fit(corner, OPEN, transition.initial_state(OPEN), PAPER_LIMITS)
+    chain = fit(corner, OPEN, transition.initial_state(OPEN))
     assert chain is not None
     assert length(chain).sum() == pytest.approx(100.0 * np.sqrt(2.0), rel=1e-6)
 
@@ -86,9 +84,9 @@ def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
     for side in (1.0, -1.0):
         beside = 50.0 + side * 40.0 * np.array([-1.0, 1.0]) / np.sqrt(2.0)
         route = np.array([[0.0, 0.0], beside, [100.0, 100.0]])
-        chain = fit(route, wall, transition.initial_state(wall), PAPER_LIMITS)
+        chain = fit(route, wall, transition.initial_state(wall))
         assert chain is not None
-        assert is_feasible(chain, wall, PAPER_LIMITS, TARGET_TOLERANCE).all()
+        assert is_feasible(chain, wall, TARGET_TOLERANCE).all()
         middle = chain[:, 1][np.abs(chain[:, 1].sum(axis=1) - 100.0).argmin()]
         assert np.sign(middle[1] - middle[0]) == side
         lengths.append(length(chain).sum())
@@ -108,16 +106,13 @@ def test_a_route_is_fitted_from_the_middle_of_a_flight() -> None:
 
 
 def test_segments_left_bound_the_fit() -> None:
-    few = Limits(segments=9)  # 9 x 15 m are less than the diagonal
-    plan = WholePath(router=ShortestPathRouter(), limits=few).plan(OPEN, initial_state(OPEN), 0)
+    few = OPEN.with_limits(segments=9)  # 9 x 15 m are less than the diagonal
+    plan = make("shortest").plan(few, initial_state(few), 0)
     assert plan.status is Status.NOT_FITTED
     assert plan.status.outcome is Outcome.GAVE_UP
     assert len(plan.control) == 0
-    assert (
-        WholePath(router=ShortestPathRouter(), limits=Limits(segments=10))
-        .plan(OPEN, initial_state(OPEN), 0)
-        .success
-    )
+    enough = OPEN.with_limits(segments=10)
+    assert make("shortest").plan(enough, initial_state(enough), 0).success
 
 
 @pytest.mark.parametrize("flown", [40, 41])
@@ -126,7 +121,7 @@ def test_where_no_segments_are_left_nothing_is_fitted(flown: int) -> None:
     plan = make("shortest").plan(OPEN, State(vehicle), 0)
     assert (plan.status, len(plan.control)) == (Status.OUT_OF_SEGMENTS, 0)
     straight = np.stack([OPEN.start, OPEN.goal])
-    assert fit(straight, OPEN, vehicle, PAPER_LIMITS) is None
+    assert fit(straight, OPEN, vehicle) is None
 
 
 def test_a_heading_into_a_disc_cannot_be_fitted() -> None:

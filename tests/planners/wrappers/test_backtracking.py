@@ -9,7 +9,6 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Discs
 from planners.interface import Decision, Plan, State, Status, WindowReport, initial_state
 from planners.receding_horizon.guided import Guided
@@ -23,8 +22,6 @@ OPEN = Field(name="open", obstacles=Discs([], []))
 @dataclass(frozen=True, slots=True)
 class Stuck:
     """Finds no way on from anywhere."""
-
-    limits: Limits = PAPER_LIMITS
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         return roll_out(self, field, state, seed)

@@ -115,7 +115,6 @@ def test_the_grown_field_stays_the_same_object_while_nothing_is_near() -> None:
 class Refusing:
     """A planner that decides nothing among obstacles grown by more than a part of a margin."""
 
-    limits = Guided().limits
     plan = Guided().plan
 
     def __init__(self, field: Field, most: float) -> None:
@@ -162,7 +161,7 @@ def test_it_keeps_a_turn_radius_too() -> None:
     field = get_field("sparse/train:0")
     plan = make("guided+margin=0.5+turn=3").plan(field, initial_state(field), 0)
     assert plan.success
-    assert keeps_turn_radius(plan.control, 3.0, Guided().limits.tolerance).all()
+    assert keeps_turn_radius(plan.control, 3.0, field.limits.tolerance).all()
     assert field.obstacles.clearance(plan.control).min() > 0.4
 
 

@@ -145,8 +145,6 @@ def test_a_learner_that_is_always_refused_flies_the_expert_s_path(
 class _Lost:
     """An expert that finds no path anywhere."""
 
-    limits = make("pursuit").limits  # type: ignore[attr-defined]
-
     def decide(self, *_: object) -> Decision:
         return Decision(None, interface.WindowReport(step=0, seconds=0.0))
 

@@ -19,9 +19,7 @@ def test_exchange_closes_what_samples_miss() -> None:
     # a disc so small that it hides between the paper's samples of a straight flight
     disc = Discs([[4.7, 4.7]], [0.08])
     field = Field(name="pin", obstacles=disc)
-    window = horizon_window(
-        field, transition.initial_state(field), PAPER_LIMITS, WindowSettings(), 3
-    )
+    window = horizon_window(field, transition.initial_state(field), WindowSettings(), 3)
     guess = straight_ahead(transition.initial_state(field), 3, PAPER_LIMITS)
     problem = window.sampled()
     sampled = problem.chain.control(Slsqp().solve(problem, problem.chain.unknowns(guess)).x)
@@ -49,7 +47,7 @@ def test_certification_names_the_row_that_is_broken(
     segment: list[list[float]], kind: str | None
 ) -> None:
     field = Field(name="disc", obstacles=Discs([[26.0, 50.0]], [1.0]))
-    rows = broken_rows(np.array([segment], dtype=float), field, PAPER_LIMITS)
+    rows = broken_rows(np.array([segment], dtype=float), field)
     assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
     for row in rows:
         assert row.values(np.array([segment], dtype=float)).min() < -TARGET_TOLERANCE

@@ -9,7 +9,6 @@ import pytest
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.limits import PAPER_LIMITS
 from planners.interface import initial_state
 from planners.optimization.certification import Certified
 from planners.optimization.reference.two_stage import TwoSteps
@@ -52,7 +51,7 @@ def test_the_end_is_that_of_the_distance_alone_and_the_way_there_no_longer() -> 
         assert saved > -1e-5
         shortened += saved
         assert second.evaluations > first.evaluations
-        assert is_feasible(second.control, window.field, window.limits, 1e-6).all()
+        assert is_feasible(second.control, window.field, 1e-6).all()
         np.testing.assert_array_equal(window.chain.control(second.solution.x), second.control)
     assert shortened > 0.01
 
@@ -70,7 +69,7 @@ def test_one_end_for_each_guess_and_the_weight_of_directness_does_not_matter() -
 def test_a_window_that_ends_on_the_goal_is_solved_as_it_is() -> None:
     field = get_field("sparse/train:0")
     state = replace(initial_state(field).vehicle, position=field.goal - 20.0)
-    window = final_window(field, state, PAPER_LIMITS, WindowSettings(), 3)
+    window = final_window(field, state, WindowSettings(), 3)
     guess = windows()[0][1][0]
     (end,) = TwoSteps(search=SEARCH).solve(window, [guess])
     (plain,) = SEARCH.solve(window, [guess])

@@ -118,7 +118,7 @@ def test_steps_in_the_papers_fields_are_optimal(number: int, final: bool, radius
     if final:
         vehicle = State(field.goal - [22.0, 20.0], np.array([7.0, 6.0]))
     make = final_window if final else horizon_window
-    window = make(field, vehicle, PAPER_LIMITS, WindowSettings(), 3)
+    window = make(field, vehicle, WindowSettings(), 3)
     guess = window.chain.unknowns(straight_ahead(vehicle, 3, PAPER_LIMITS))
     taken = step(window, guess, radius)
     assert_within_bounds(taken)
@@ -148,7 +148,7 @@ def test_rows_that_cannot_be_satisfied_are_broken_less() -> None:
     # ten metres inside a disc a step of half a metre does not lead out
     disc = Discs([[20.0, 50.0]], [10.0])
     field = Field(name="deep", obstacles=disc, start=[9.0, 50.0], start_derivative=[5.0, 0.0])
-    window = horizon_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 3)
+    window = horizon_window(field, initial_state(field), WindowSettings(), 3)
     chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     taken = step(window, window.chain.unknowns(chain), 0.5)
     assert_within_bounds(taken)
@@ -165,7 +165,7 @@ def test_a_length_beyond_its_limits_is_brought_back_to_them(
     end: list[float], goal: list[float], limit: float
 ) -> None:
     field = Field(name="open", obstacles=Discs([], []), goal=goal, start_derivative=[1.0, 1.0])
-    window = horizon_window(field, initial_state(field), PAPER_LIMITS, WindowSettings(), 1)
+    window = horizon_window(field, initial_state(field), WindowSettings(), 1)
     taken = step(window, np.array([*end, *end]), 2.0)
     assert_optimal(taken)
     assert (taken.value + taken.slope @ taken.p)[0] == pytest.approx(limit, abs=1e-6)

@@ -147,9 +147,7 @@ def test_the_violation_is_a_sum_over_all_limits(drawn: tuple[Window, np.ndarray]
 
 def test_a_curve_along_a_disc_has_contacts_everywhere() -> None:
     field = Field(name="one disc", obstacles=Discs([[0.0, 0.0]], [10.0]), start=[0.0, 10.05])
-    window = horizon_window(
-        field, State(field.start, np.array([10.05, 0.0])), PAPER_LIMITS, WindowSettings(), 1
-    )
+    window = horizon_window(field, State(field.start, np.array([10.05, 0.0])), WindowSettings(), 1)
     end = 10.05 * np.array([np.sin(1.0), np.cos(1.0)])
     here = expanded(window, np.concatenate([end, 10.05 * np.array([np.cos(1.0), -np.sin(1.0)])]))
     pinned = here.contact[(here.contact["what"] == 0) & (here.contact["drift"] == 0.0)]
@@ -215,9 +213,7 @@ def test_all_numbers_are_finite_for_any_chain(
 
 def test_a_chain_through_a_centre_is_pushed_off_it() -> None:
     field = Field(name="one disc", obstacles=Discs([[6.0, 0.0]], [2.0]), start=[0.0, 0.0])
-    window = horizon_window(
-        field, State(field.start, np.array([12.0, 0.0])), PAPER_LIMITS, WindowSettings(), 1
-    )
+    window = horizon_window(field, State(field.start, np.array([12.0, 0.0])), WindowSettings(), 1)
     here = expanded(window, np.array([12.0, 0.0, 12.0, 0.0]))
     (moving,) = here.contact[(here.contact["what"] == 0) & (here.contact["drift"] > 0.0)]
     assert moving["clearance"] == pytest.approx(-2.0)

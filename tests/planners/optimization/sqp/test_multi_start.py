@@ -67,7 +67,7 @@ def window_from(
 ) -> Window:
     make_window = final_window if final else horizon_window
     vehicle = initial_state(field) if vehicle is None else vehicle
-    return make_window(field, vehicle, PAPER_LIMITS, WindowSettings(), segments)
+    return make_window(field, vehicle, WindowSettings(), segments)
 
 
 def assert_honest(window: Window, end: Certified) -> None:
@@ -76,10 +76,7 @@ def assert_honest(window: Window, end: Certified) -> None:
     assert np.isfinite(end.solution.x).all()
     assert math.isfinite(end.solution.objective)
     np.testing.assert_array_equal(window.chain.control(end.solution.x), end.control)
-    assert (
-        end.feasible
-        == is_feasible(end.control, window.field, window.limits, TARGET_TOLERANCE).all()
-    )
+    assert end.feasible == is_feasible(end.control, window.field, TARGET_TOLERANCE).all()
     assert 1 <= end.rounds <= 12
     assert 1 <= end.solution.evaluations <= end.evaluations
     assert end.seconds >= 0.0
@@ -217,9 +214,10 @@ def test_limits_hold_for_the_certified_length_and_the_whole_curve(
     limits: dict[str, float], final: bool
 ) -> None:
     some = replace(PAPER_LIMITS, **limits)
-    field = Field(name="disc", obstacles=Discs([[8.0, 7.0]], [3.0]), goal=[14.0, 13.0])
+    discs = Discs([[8.0, 7.0]], [3.0])
+    field = Field(name="disc", obstacles=discs, goal=[14.0, 13.0], limits=some)
     make_window = final_window if final else horizon_window
-    window = make_window(field, initial_state(field), some, WindowSettings(), 3)
+    window = make_window(field, initial_state(field), WindowSettings(), 3)
     guesses = [
         straight_ahead(initial_state(field), 3, some),
         straight_ahead(initial_state(field), 3, PAPER_LIMITS),
