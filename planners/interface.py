@@ -37,6 +37,9 @@ class Status(Enum):
         "found a route to the goal, but no feasible chain of segments along it",
         Outcome.GAVE_UP,
     )
+    NO_WAY = ("no_way", "no way to the goal exists", Outcome.GAVE_UP)
+    TOO_FAR = ("too_far", "the limits allow no path to the goal", Outcome.OUT_OF_SEGMENTS)
+    OUT_OF_TIME = ("out_of_time", "ran out of time before the goal", Outcome.GAVE_UP)
     CRASHED = ("crashed", "the library behind the planner crashed or timed out", Outcome.GAVE_UP)
 
     def __init__(self, label: str, sentence: str, outcome: Outcome) -> None:
@@ -143,11 +146,11 @@ class Plan(ShowsPicture):
     the rest of this plan."""
     decisions: Sequence[Decision]
     """One for each segment, and the failed one after a failure; a single one from planners of
-    whole paths."""
+    whole paths. After a deadline, the last one decided all segments that follow it."""
     route: Route | None = None
     """The route of a planner of whole paths, before segments were fitted to it."""
     reason: str = ""
-    """Details of a crash."""
+    """Details of a failure, empty if there are none."""
     certificates: Sequence[Inspection] | None = None
     """One for each segment as flown, from the planner's own certification; None if it did not
     keep them."""

@@ -14,8 +14,10 @@ from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world import Field
 from ferguson_gym.world.field_names import as_field
+from planners.deadline import check_deadline, plan_within
 from planners.interface import Iterations, Plan, Planner, Replanner, Router, initial_state
 from planners.optimization import MultiStart, Proposer
+from planners.reachability import explained, unreachable_plan
 from planners.receding_horizon import Guided, Pursuit, RecedingHorizon
 from planners.whole_path.astar import AStar
 from planners.whole_path.exact import ShortestPathRouter
@@ -294,19 +296,29 @@ def make(name: str) -> Planner:
     return PlannerSpec.parse(name).make()
 
 
-def plan(field: Field | str, planner: Planner | str = "guided", seed: int = 0) -> Plan:
+def plan(
+    field: Field | str,
+    planner: Planner | str = "guided",
+    seed: int = 0,
+    *,
+    deadline: float | None = None,
+) -> Plan:
     """Plan a field from its start.
 
     Args:
         field: a planar field, or the name of one, for example a JSON file.
         planner: a planner, or the name of one with its options.
         seed: of the planner's random numbers.
+        deadline: time after which the plan ends with the best certified path so far [s], as
+            `planners.deadline.plan_within` explains; None: no limit.
 
     Returns:
-        The plan; its `path` is None if no path to the goal was found.
+        The plan; its `path` is None if no path to the goal was found. Its status says so if no
+        planner could find one.
 
     Raises:
-        ValueError: the field or the planner is unknown, or as `make` and `Planner.plan`.
+        ValueError: the field or the planner is unknown, the planner cannot stop at a deadline, or
+            as `make` and `Planner.plan`.
         OSError: the field's file cannot be read.
 
     Example:
@@ -315,9 +327,15 @@ def plan(field: Field | str, planner: Planner | str = "guided", seed: int = 0) -
         [[0.0, 0.0], [58.0, 43.0], [100.0, 100.0]]
     """
     field = as_field(field)
-    return (make(planner) if isinstance(planner, str) else planner).plan(
-        field, initial_state(field), seed
-    )
+    state = initial_state(field)
+    made = make(planner) if isinstance(planner, str) else planner
+    if deadline is not None:
+        check_deadline(made, planner if isinstance(planner, str) else None)
+    if (unreachable := unreachable_plan(field, exact=False)) is not None:
+        return unreachable
+    if deadline is not None:
+        return explained(plan_within(made, field, state, seed, deadline), field)
+    return explained(made.plan(field, state, seed), field)
 
 
 def starting_from(planner: Planner, proposer: Proposer, name: str) -> Planner:

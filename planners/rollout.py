@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -75,17 +77,20 @@ def flight_plan(
     return Plan(status, control, states, [], certificates=certificates, field=field)
 
 
-def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
+def roll_out(
+    planner: Replanner, field: Field, state: State, seed: int, until: float = math.inf
+) -> Plan:
     """Decide and fly one segment after another until the flight ends.
 
     Segments are flown as the environment does it, rounded to float32 actions, so that the plan and
-    its flight are equal bit for bit.
+    its flight are equal bit for bit. Once `time.perf_counter()` has reached `until`, nothing more
+    is decided (`planners.deadline`).
     """
     if (ended := terminal_plan(field, state)) is not None:
         return ended
     states, decisions, steps = [state], list[Decision](), list[Step]()
     outcome = Outcome.FLYING
-    while outcome is Outcome.FLYING:
+    while outcome is Outcome.FLYING and time.perf_counter() < until:
         decision = planner.decide(field, state, seed)
         decisions.append(decision)
         if decision.chain is None:
@@ -100,6 +105,8 @@ def roll_out(planner: Replanner, field: Field, state: State, seed: int) -> Plan:
         states.append(state)
         steps.append(step)
     status = _STATUS.get(outcome, Status.STUCK)
+    if outcome is Outcome.FLYING and time.perf_counter() >= until:
+        status = Status.OUT_OF_TIME
     return replace(flight_plan(field, status, steps, states), decisions=decisions)
 
 

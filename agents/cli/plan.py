@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from agents.cli import shared_options as shared
-from agents.cli.arguments import Parser, metres, spacing
+from agents.cli.arguments import Parser, duration, metres, spacing
 from agents.cli.completion import FILE, POLICY
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.jobs import DONE, Job
@@ -27,6 +27,7 @@ examples:
   ferguson plan traps/train:1 --planner guided --sensing-range 20
   ferguson plan standard/test:3 --planner multi-start --start-from best
   ferguson plan paper:1 --planner guided --json
+  ferguson plan dense/test:0 --planner multi-start --deadline 0.2
   ferguson plan my_field.json --planner guided --out path.csv --spacing 1"""
 
 
@@ -60,6 +61,13 @@ def add_to(plan: Parser) -> None:
         help="use the segments that another policy would fly as initial guesses "
         "(single-start, multi-start)",
         complete=POLICY,
+    )
+    plan.add_argument(
+        "--deadline",
+        type=duration,
+        metavar="SECONDS",
+        help="stop after so many seconds, with the best certified path so far (all planners but "
+        "shortest, voronoi and astar)",
     )
     plan.add_argument(
         "--no-reference",
@@ -102,6 +110,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     from agents.policies.registry import make_planner
     from agents.policies.warm_up import warm
     from ferguson_gym.curves.sampling import MOST
+    from planners.deadline import check_deadline
 
     agents = PolicySpec.parse(options.planner).agents
     if any(shipped_agents.find_agent(agent) for agent in agents):
@@ -116,7 +125,9 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         start_from=options.start_from,
     )
     name = str(spec)
-    make_planner(spec)  # raises if an option does not fit
+    planner = make_planner(spec)  # raises if an option does not fit
+    if options.deadline is not None:
+        check_deadline(planner, name)
     field = get_field(options.field)
     initial_state(field)  # raises if no flight can begin
     if options.plot is not None:
@@ -137,7 +148,9 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         planner = warm(name)
         with defer_interrupt():
             report = plan_report.plan(
-                planner, name, field, options.seed, reference=options.reference
+                *(planner, name, field, options.seed),
+                reference=options.reference,
+                deadline=options.deadline,
             )
         if options.json:
             terminal.show_json(report.to_json())
@@ -148,8 +161,9 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
             terminal.note(f"wrote {options.plot}")
         if options.out is not None:
             points = report.write_path(options.out, distance)
+            what = "points" if report.plan.success else "points of the path so far"
             terminal.note(
-                f"wrote {points} points to {options.out}"
+                f"wrote {points} {what} to {options.out}"
                 if points
                 else f"no path, so nothing is written to {options.out}"
             )

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
 from agents.flights import Flight
@@ -16,9 +17,12 @@ from agents.flights.metrics import finite
 from agents.flights.path_file import write_path
 from agents.plots.flight_grid import draw_flights
 from agents.runtime import terminal_tables
+from ferguson_gym.curves import Path as Curve
 from ferguson_gym.shortest_paths import gap
 from ferguson_gym.world import Field, inspect
-from planners.interface import Plan, Planner, Route, initial_state
+from planners.deadline import plan_within
+from planners.interface import Plan, Planner, Route, Status, initial_state
+from planners.reachability import start_hint, unreachable_plan
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -33,6 +37,20 @@ class Report:
     wall_seconds: float
     reference: bool = True
     """Whether the plan is compared with the field's shortest path."""
+    deadline: float | None = None
+    """Time for planning [s]; None: no limit."""
+
+    @property
+    def message(self) -> str:
+        """How planning ended, and if it failed what is known about the cause."""
+        plan = self.plan
+        sentence = plan.status.sentence
+        if plan.status is Status.OUT_OF_TIME:
+            sentence += f", after {self.deadline:g} s"
+        details = [plan.reason]
+        if not plan.success and len(plan.control) == 0:
+            details.append(start_hint(self.field))
+        return "; ".join([sentence, *filter(None, details)])
 
     @property
     def flight(self) -> Flight:
@@ -54,27 +72,41 @@ class Report:
         )
 
     def to_json(self) -> str:
-        """One JSON object, with nulls if no path was found and instead of infinite numbers."""
-        flight, found = self.flight, self.plan.success
+        """One JSON object; after a failure its segments are those before the failure.
+
+        Numbers that are infinite or not known are null, and all that describe a path if it has no
+        segments.
+        """
+        flight, plan = self.flight, self.plan
+        some = len(flight.control) > 0
         return json.dumps(
             {
                 "field": self.field.name,
                 "planner": self.name,
                 "seed": self.seed,
-                "status": self.plan.status.label,
-                "success": found,
-                "length": flight.length if found else None,
+                "status": plan.status.label,
+                "success": plan.success,
+                "length": flight.length if some else None,
                 "exact_length": flight.exact_length,
                 "gap": flight.gap,
-                "clearance": finite(flight.clearance) if found else None,
-                "segments": len(flight.control) if found else None,
-                "min_turn_radius": finite(flight.min_turn_radius) if found else None,
-                "step_seconds": self.plan.step_seconds,
+                "clearance": finite(flight.clearance) if some else None,
+                "segments": len(flight.control) if some else None,
+                "min_turn_radius": finite(flight.min_turn_radius) if some else None,
+                "step_seconds": plan.step_seconds,
                 "wall_seconds": self.wall_seconds,
-                "control": flight.control.tolist() if found else None,
+                "control": flight.control.tolist() if some else None,
+                "message": self.message,
+                "to_goal": self._to_goal(),
+                "evaluations": plan.evaluations,
+                "route_length": None if plan.route is None else plan.route.length,
             },
             allow_nan=False,
         )
+
+    def _to_goal(self) -> float:
+        """Straight distance from the end of the path to the goal [m]."""
+        end = self.plan.states[-1].vehicle.position
+        return float(np.linalg.norm(self.field.goal - end))
 
     def lines(self, windows: bool = True) -> Iterator[Table | str]:
         """Tables and sentences that describe the plan, without planning windows if so asked."""
@@ -83,13 +115,18 @@ class Report:
             yield terminal_tables.windows(self.plan.decisions)
         if self.plan.route is not None:
             yield format_route(self.plan.route, flight.exact_length)
-        yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.plan.status.sentence}"
-        facts = [f"{len(flight.control)} segments", f"{flight.length:.4f} m"]
+        yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.message}"
+        number = len(flight.control)
+        facts = [f"{number} segment{'s' * (number != 1)}"]
+        if number:
+            facts.append(f"{flight.length:.4f} m")
+        if number and not self.plan.success:
+            facts.append(f"ends {self._to_goal():.4f} m from the goal")
         if flight.gap is not None:
             facts.append(
                 f"{_percent(flight.gap)} above the shortest path, {flight.exact_length:.4f} m"
             )
-        if len(flight.control):
+        if number:
             radius = flight.min_turn_radius
             # within the tolerance the path touches an obstacle
             clear = flight.clearance if abs(flight.clearance) > self.field.limits.tolerance else 0.0
@@ -107,13 +144,16 @@ class Report:
     def write_path(self, file: Path, spacing: float) -> int:
         """Write points of the path into a file; returns their number, 0 if there is no path.
 
+        After a deadline, the path is the part that was planned.
+
         Raises:
             ValueError: the spacing [m] is too small for the path.
             OSError: the file cannot be written.
         """
-        path = self.plan.path
-        if path is None:
+        partial = self.plan.status is Status.OUT_OF_TIME
+        if not (self.plan.success or partial) or len(self.plan.control) == 0:
             return 0
+        path = Curve(self.plan.control)
         samples = path.sample(spacing=spacing)
         write_path(path, samples, file)
         return len(samples)
@@ -141,10 +181,34 @@ def _percent(gap: float) -> str:
     return f"{round(100.0 * gap, 2) + 0.0:.2f} %"
 
 
-def plan(planner: Planner, name: str, field: Field, seed: int, *, reference: bool = True) -> Report:
-    """Plan a field from its start; compare the plan with the shortest path if so asked."""
+def plan(
+    planner: Planner,
+    name: str,
+    field: Field,
+    seed: int,
+    *,
+    reference: bool = True,
+    deadline: float | None = None,
+) -> Report:
+    """Plan a field from its start, unless no flight can reach its goal.
+
+    Args:
+        planner: as `name` says.
+        name: its canonical name.
+        field: where to plan.
+        seed: of the planner's random numbers.
+        reference: whether to compare the plan with the shortest path.
+        deadline: as in `planners.deadline.plan_within`; None: no limit.
+    """
+    state = initial_state(field)
+    unreachable = unreachable_plan(field, exact=reference)
     began = time.perf_counter()
-    result = planner.plan(field, initial_state(field), seed)
+    if unreachable is not None:
+        result = unreachable
+    elif deadline is None:
+        result = planner.plan(field, state, seed)
+    else:
+        result = plan_within(planner, field, state, seed, deadline)
     seconds = time.perf_counter() - began
     return Report(
         name=name,
@@ -153,4 +217,5 @@ def plan(planner: Planner, name: str, field: Field, seed: int, *, reference: boo
         plan=result,
         wall_seconds=seconds,
         reference=reference,
+        deadline=deadline,
     )

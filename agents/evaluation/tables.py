@@ -92,8 +92,8 @@ def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
     flights = sum(one["flights"] - one["gap_flights"] for one in found["policies"])
     if flights:
         yield (
-            f"no shortest path is known for {_number(flights, 'flight')}: they are left out of "
-            "gaps, and count 0 in SPL"
+            f"no shortest path to compare with for {_number(flights, 'flight')}: they are left out "
+            "of gaps, and count 0 in SPL"
         )
 
 

@@ -19,7 +19,7 @@ from ferguson_gym.curves import Path
 from ferguson_gym.curves import length as segment_lengths
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths import exact_length, gap
+from ferguson_gym.shortest_paths import gap, reference_length
 from ferguson_gym.simulation.observations import Observation
 from ferguson_gym.svg import Picture, ShowsPicture
 from ferguson_gym.svg.motion import Timeline
@@ -106,9 +106,10 @@ class Flight(ShowsPicture):
     def exact_length(self) -> float | None:
         """Length of the field's shortest path [m]; None without one or with other obstacles.
 
-        It is computed when it is asked for; None also without a `reference`.
+        It is computed when it is asked for; None also without a `reference`, and if the start lies
+        within the gate of the goal.
         """
-        return exact_length(self.field) if self.reference else None
+        return reference_length(self.field) if self.reference else None
 
     @property
     def gap(self) -> float | None:

@@ -8,6 +8,7 @@ of each of the best homotopy classes.
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal as DistanceToGoal
 from ferguson_gym.shortest_paths.exact import exact_length as exact_length
 from ferguson_gym.shortest_paths.exact import gap as gap
+from ferguson_gym.shortest_paths.exact import reference_length as reference_length
 from ferguson_gym.shortest_paths.exact import shortest_path as shortest_path
 from ferguson_gym.shortest_paths.homotopy_classes import best_classes as best_classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath as ShortestPath

@@ -54,6 +54,16 @@ def exact_length(field: Field) -> float | None:
     return _exact_length(*(array.tobytes() for array in arrays))
 
 
+def reference_length(field: Field) -> float | None:
+    """The exact length [m] that flights through a field are compared with.
+
+    None as for `exact_length`, and where it is below the gate: the start is then as good as on the
+    goal, and every flight is many times longer.
+    """
+    length = exact_length(field)
+    return None if length is None or length < field.limits.gate else length
+
+
 def gap(length: float, exact: float) -> float:
     """Relative excess of a length over that of the shortest path: length / exact - 1."""
     return length / exact - 1.0

@@ -16,9 +16,10 @@ from agents.runtime.executors import map_in_processes
 from ferguson_gym.curves import Path
 from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths import exact_length, gap
+from ferguson_gym.shortest_paths import exact_length, gap, reference_length
 from ferguson_gym.world import Field, inspect, is_feasible
 from planners.interface import Plan, Route, Status, initial_state
+from planners.reachability import unreachable_plan
 
 LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo")
 """Libraries that plans depend on, whose versions are recorded."""
@@ -43,7 +44,8 @@ class Run:
     control: Array
     """Segments (n, 4, 2) of a success; n = 0 for a failure."""
     exact_length: float | None
-    """Length of the field's shortest path [m]."""
+    """Length of the field's shortest path [m]; None also if the start is within the gate of the
+    goal."""
     length: float | None
     clearance: float | None
     """Minimum clearance along the path [m]."""
@@ -133,8 +135,9 @@ def run(name: str, seconds: float | None, field: Field, seed: int) -> Run:
     field = dataclasses.replace(field)
     try:
         planner = warm(name, seconds)
+        unreachable = unreachable_plan(field)
         began = time.perf_counter()
-        plan = planner.plan(field, initial_state(field), seed)
+        plan = unreachable or planner.plan(field, initial_state(field), seed)
         elapsed = time.perf_counter() - began
     except Exception as error:
         error.add_note(f"while {name} planned the field {field.name} with seed {seed}")
@@ -153,7 +156,7 @@ def measure(name: str, field: Field, seed: int, plan: Plan, seconds: float) -> R
         status=plan.status.label if path is not None or not plan.success else FALSE_SUCCESS,
         route=plan.route,
         control=np.empty((0, 4, 2)) if path is None else path.control,
-        exact_length=exact_length(field),
+        exact_length=reference_length(field),
         length=None if path is None else path.length,
         clearance=None if path is None else float(inspect(path.control, field).clearance.min()),
         min_turn_radius=radius,

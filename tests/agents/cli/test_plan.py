@@ -12,6 +12,8 @@ from agents.flights import flight
 from agents.policies.warm_up import warm
 from ferguson_gym.curves import Path as Curve
 from ferguson_gym.world import Field
+from planners import reachability
+from planners.receding_horizon import Pursuit
 
 PLAN = ["plan", "sparse/train:0", "--planner", "shortest"]
 
@@ -65,7 +67,8 @@ def test_without_a_reference_no_exact_length_is_computed(
 ) -> None:
     command = [*PLAN, "--no-reference", "--plot", str(tmp_path / "flight.svg")]
     warm("shortest")
-    monkeypatch.setattr(flight, "exact_length", refuse)
+    monkeypatch.setattr(flight, "reference_length", refuse)
+    monkeypatch.setattr(reachability, "exact_length", refuse)
     assert main([*command, "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert report["exact_length"] is None
@@ -77,16 +80,85 @@ def test_without_a_reference_no_exact_length_is_computed(
     assert "shortest path" not in out
 
 
-def test_a_failed_plan_computes_no_exact_length_for_people(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_no_planner_could_reach_is_said_before_planning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wall = tmp_path / "wall.json"
     wall.write_text(
         json.dumps({"centers": [[50, y] for y in range(-10, 111, 5)], "radii": [4] * 25})
     )
+    command = ["plan", str(wall), "--planner", "pursuit"]
+    assert main([*command, "--no-reference"]) == 1
+    assert "found no feasible chain" in capsys.readouterr().out
+    monkeypatch.setattr(Pursuit, "plan", pytest.fail)
+    assert main([*command, "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    assert (report["status"], report["message"]) == ("no_way", "no way to the goal exists")
+    assert report["control"] is report["length"] is report["segments"] is None
+    assert main(command) == 1
+    out = capsys.readouterr().out
+    assert out.startswith("pursuit on wall, seed 0: no way to the goal exists\n0 segments, ")
+
+
+def test_a_failed_plan_is_reported_with_its_cause_and_the_path_before_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    touching = tmp_path / "touching.json"
+    touching.write_text(json.dumps({"centers": [[3, 3]], "radii": [18**0.5]}))
+    command = ["plan", str(touching), "--planner", "single-start"]
+    assert main(command) == 1
+    assert "; the start touches obstacle 0, and the start derivative" in capsys.readouterr().out
+    assert main([*command, "--json"]) == 1
+    assert "the start touches obstacle 0" in json.loads(capsys.readouterr().out)["message"]
+
+    command = ["plan", "traps/train:1", "--planner", "single-start"]
+    assert main([*command, "--json"]) == 1
+    report = json.loads(capsys.readouterr().out)
+    path = Curve(report["control"])
+    assert (report["success"], report["segments"]) == (False, len(path.control))
+    assert report["length"] == path.length
+    assert report["gap"] is None
+    np.testing.assert_allclose(report["to_goal"], np.linalg.norm(path.control[-1, 1] - 100.0))
+    assert main(command) == 1
+    facts = f"{report['length']:.4f} m, ends {report['to_goal']:.4f} m from the goal, clearance"
+    assert facts in capsys.readouterr().out
+
+
+def test_a_deadline_leaves_the_path_so_far(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     warm("pursuit")
-    monkeypatch.setattr(flight, "exact_length", refuse)
-    assert main(["plan", str(wall), "--planner", "pursuit"]) == 1
+    out = tmp_path / "path.json"
+    command = ["plan", "dense/train:1", "--planner", "pursuit", "--out", str(out)]
+    assert main([*command, "--deadline", "1e-9"]) == 1
+    printed, err = capsys.readouterr()
+    assert "ran out of time before the goal, after 1e-09 s\n0 segments, " in printed
+    assert err.endswith(f"no path, so nothing is written to {out}\n")
+    # one decision is made, and the rest of it is flown
+    assert main([*command, "--deadline", "1e-4", "--json"]) == 1
+    printed, err = capsys.readouterr()
+    report = json.loads(printed)
+    assert (report["status"], report["success"]) == ("out_of_time", False)
+    assert report["segments"] == 2
+    assert " points of the path so far to " in err
+    np.testing.assert_array_equal(Curve.load(out).control, report["control"])
+    assert main([*command, "--deadline", "1000"]) == 0
+    assert main(["plan", "paper:1", "--planner", "voronoi", "--deadline", "1"]) == 2
+    assert "planner voronoi cannot stop at a deadline; planners that" in capsys.readouterr().err
+
+
+def test_a_start_next_to_the_goal_has_no_gap(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    near = tmp_path / "near.json"
+    near.write_text(json.dumps({"centers": [], "radii": [], "goal": [1e-9, 0.0]}))
+    command = ["plan", str(near), "--planner", "shortest"]
+    assert main(command) == 0
+    out = capsys.readouterr().out
+    assert "1 segment, 3.0000 m, no obstacles" in out
+    assert "above the shortest path" not in out
+    assert main([*command, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["gap"] is None
 
 
 @pytest.mark.parametrize(

@@ -70,7 +70,7 @@ def test_flights_without_a_shortest_path_are_told() -> None:
     known, unknown = {"flights": 4, "gap_flights": 4}, {"flights": 4, "gap_flights": 3}
     assert not list(tables.without_gap({"policies": [known, known]}))
     (told,) = tables.without_gap({"policies": [unknown, unknown]})
-    assert told.startswith("no shortest path is known for 2 flights: ")
+    assert told.startswith("no shortest path to compare with for 2 flights: ")
 
 
 def test_in_a_comparison_a_failure_loses_and_ties_count_half() -> None:
