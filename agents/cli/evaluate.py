@@ -66,6 +66,7 @@ def add_to(evaluate: Parser) -> None:
     shared.add_fields(evaluate, "fields to fly, for example standard/validation:0-9 or files")
     shared.add_out(evaluate)
     shared.add_seeds(evaluate, "policy seeds")
+    shared.add_inflate(evaluate)
     evaluate.add_argument(
         "--workers", type=workers, metavar="N", help="number of worker processes; default: 1"
     )
@@ -115,12 +116,18 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     refuse_twice("field", [name_of(field) for field in fields])
     for policy in options.policy:  # last, because loading an agent takes time
         make_policy(policy)
-    request = Request(policies=options.policy, fields=fields, seeds=options.seeds)
+    request = Request(
+        policies=options.policy, fields=fields, seeds=options.seeds, inflate=options.inflate
+    )
+    for source in fields if options.inflate else ():
+        request.field(source)  # raises if an obstacle swallows the start or the goal
+    files = [request.field(source) for source in fields if isinstance(source, Field)]
     if not options.fresh:
         work.is_finished(work.Work(options.out, request))
     executors.check(backend)
 
     def job() -> None:
+        shared.note_touching(files, terminal)
         run.run(
             *(request, options.out, backend),
             batch=options.batch,
@@ -159,5 +166,7 @@ def command(options: argparse.Namespace) -> str:
     words = ["ferguson", "evaluate"]
     for name, values in (("--policy", options.policy), ("--fields", options.fields)):
         words += [word for value in values for word in (name, value)]
-    words += ["--seeds", numbers, "--out", str(options.out)]
+    words += ["--seeds", numbers]
+    words += ["--inflate", f"{options.inflate:g}"] if options.inflate else []
+    words += ["--out", str(options.out)]
     return shlex.join(words)

@@ -23,7 +23,7 @@ planning windows or the route from which it was made. Exit status 1: no path was
 EPILOG = """\
 examples:
   ferguson plan paper:2 --planner multi-start --plot flight.png
-  ferguson plan my_field.json --planner shortest
+  ferguson plan my_field.json --planner shortest --inflate 0.3
   ferguson plan traps/train:1 --planner guided --sensing-range 20
   ferguson plan standard/test:3 --planner multi-start --start-from best
   ferguson plan paper:1 --planner guided --json
@@ -36,6 +36,7 @@ def add_to(plan: Parser) -> None:
     shared.add_field(plan)
     shared.add_planner(plan, "--planner", required=True)
     shared.add_seed(plan, "seed of the planner")
+    shared.add_inflate(plan)
     plan.add_argument(
         "--sensing-range",
         type=metres,
@@ -128,7 +129,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     planner = make_planner(spec)  # raises if an option does not fit
     if options.deadline is not None:
         check_deadline(planner, name)
-    field = get_field(options.field)
+    field = get_field(options.field).inflated(options.inflate)
     initial_state(field)  # raises if no flight can begin
     if options.plot is not None:
         check_target(options.plot)
@@ -145,12 +146,14 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         raise ValueError(f"--spacing {distance:g} is for --out FILE, which is missing")
 
     def job() -> int:
+        shared.note_touching([field], terminal)
         planner = warm(name)
         with defer_interrupt():
             report = plan_report.plan(
                 *(planner, name, field, options.seed),
                 reference=options.reference,
                 deadline=options.deadline,
+                inflate=options.inflate,
             )
         if options.json:
             terminal.show_json(report.to_json())

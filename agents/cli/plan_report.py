@@ -39,6 +39,8 @@ class Report:
     """Whether the plan is compared with the field's shortest path."""
     deadline: float | None = None
     """Time for planning [s]; None: no limit."""
+    inflate: float = 0.0
+    """By how much the obstacles of the field were grown [m]."""
 
     @property
     def message(self) -> str:
@@ -98,6 +100,7 @@ class Report:
                 "message": self.message,
                 "to_goal": self._to_goal(),
                 "evaluations": plan.evaluations,
+                "inflate": self.inflate,
                 "route_length": None if plan.route is None else plan.route.length,
             },
             allow_nan=False,
@@ -115,7 +118,8 @@ class Report:
             yield terminal_tables.windows(self.plan.decisions)
         if self.plan.route is not None:
             yield format_route(self.plan.route, flight.exact_length)
-        yield f"{self.name} on {self.field.name}, seed {self.seed}: {self.message}"
+        inflated = f" inflated by {self.inflate:g} m" if self.inflate else ""
+        yield f"{self.name} on {self.field.name}{inflated}, seed {self.seed}: {self.message}"
         number = len(flight.control)
         facts = [f"{number} segment{'s' * (number != 1)}"]
         if number:
@@ -189,6 +193,7 @@ def plan(
     *,
     reference: bool = True,
     deadline: float | None = None,
+    inflate: float = 0.0,
 ) -> Report:
     """Plan a field from its start, unless no flight can reach its goal.
 
@@ -199,6 +204,7 @@ def plan(
         seed: of the planner's random numbers.
         reference: whether to compare the plan with the shortest path.
         deadline: as in `planners.deadline.plan_within`; None: no limit.
+        inflate: by how much the obstacles of the field were grown [m], for the report.
     """
     state = initial_state(field)
     unreachable = unreachable_plan(field, exact=reference)
@@ -218,4 +224,5 @@ def plan(
         wall_seconds=seconds,
         reference=reference,
         deadline=deadline,
+        inflate=inflate,
     )

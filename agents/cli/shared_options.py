@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from typing import Any
 
-from agents.cli.arguments import Parser, directory, positive, seed, seeds, workers
+from agents.cli.arguments import Parser, directory, metres, positive, seed, seeds, workers
 from agents.cli.completion import DIRECTORY, FIELDS, ONE_FIELD, PLANNER
 from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import KINDS
 from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.world import Field
 from planners.registry import OPTIONS, PLANNERS
 
 RESUME_NOTE = "ferguson: run the same command again to resume"
@@ -31,6 +33,34 @@ def add_fields(command: Parser, text: str, *, required: bool = True) -> None:
         metavar="SPEC",
         help=f"{text}; may be given several times",
         complete=FIELDS,
+    )
+
+
+def add_inflate(command: Parser) -> None:
+    """Add `--inflate`."""
+    command.add_argument(
+        "--inflate",
+        type=metres,
+        default=0.0,
+        metavar="METRES",
+        help="grow all obstacles by the vehicle's radius, for planners and shortest paths alike; "
+        "default: 0",
+    )
+
+
+def note_touching(fields: Iterable[Field], terminal: Terminal) -> None:
+    """Note that obstacles of some fields touch, if so: paths slip between them."""
+    from ferguson_gym.world.touching import touching_pairs
+
+    found = [(field.name, number) for field in fields if (number := len(touching_pairs(field)))]
+    if not found:
+        return
+    name, number = found[0]
+    pairs = "1 pair of obstacles touches" if number == 1 else f"{number} pairs of obstacles touch"
+    others = f", and in {len(found) - 1} other fields likewise" if len(found) > 1 else ""
+    terminal.note(
+        f"note: in {name} {pairs} without overlapping{others}, and paths may pass between them; "
+        "--inflate METRES, the vehicle's radius, closes such gaps"
     )
 
 

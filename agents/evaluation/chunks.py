@@ -34,6 +34,8 @@ class Task:
     """Field and seed of each."""
     drawn: Sequence[bool]
     """Whether each appears in a picture."""
+    inflate: float = 0.0
+    """By how much all obstacles are grown [m]."""
     batch: int | None = None
     """Flights of an agent at a time; None: `agents.flights.batched.BATCH`."""
 
@@ -59,6 +61,7 @@ def task_of(request: Request, chunk: Chunk, batch: int | None = None) -> Task:
         policy=chunk.policy,
         flights=[request.flight(k) for k in numbers],
         drawn=[k in shown for k in numbers],
+        inflate=request.inflate,
         batch=batch,
     )
 
@@ -101,7 +104,7 @@ def _fly(task: Task) -> Columns:
 def _fly_one_by_one(task: Task) -> list[Flight]:
     flights = []
     for source, seed in task.flights:
-        field = field_of(source)
+        field = field_of(source, task.inflate)
         try:
             flights.append(fly(task.policy, field, seed))
         except Exception as error:
@@ -121,6 +124,6 @@ def _fly_batch(task: Task) -> list[Flight]:
         raise ValueError(f"no agent {task.policy!r} on the machine of this worker")
     model = network_policy(place).model
     fly_batch(model, [small_field()])  # compiles what the first batch needs, outside the timing
-    fields = [field_of(source) for source, _ in task.flights]
+    fields = [field_of(source, task.inflate) for source, _ in task.flights]
     flights = fly_batch(model, fields, task.batch or BATCH, name=task.policy)
     return [replace(one, seed=seed) for one, (_, seed) in zip(flights, task.flights, strict=True)]

@@ -28,9 +28,10 @@ def name_of(source: Source) -> str:
     return source if isinstance(source, str) else source.name
 
 
-def field_of(source: Source) -> Field:
-    """The field itself."""
-    return get_field(source) if isinstance(source, str) else source
+def field_of(source: Source, inflate: float = 0.0) -> Field:
+    """The field itself, with obstacles grown by some metres."""
+    field = get_field(source) if isinstance(source, str) else source
+    return field.inflated(inflate)
 
 
 def is_batched(policy: str) -> bool:
@@ -64,6 +65,8 @@ class Request:
     fields: Sequence[Source]
     seeds: Sequence[int]
     """Policy seeds."""
+    inflate: float = 0.0
+    """By how much all obstacles are grown [m]."""
     chunk: int | None = None
     """Flights in a chunk; None: `BATCHED` or `PLANNED`. No flight depends on it."""
     software: Mapping[str, Any] = field(default_factory=provenance.software)
@@ -83,6 +86,10 @@ class Request:
     def each(self) -> int:
         """Number of flights of each policy."""
         return len(self.fields) * len(self.seeds)
+
+    def field(self, source: Source) -> Field:
+        """A field as it is flown."""
+        return field_of(source, self.inflate)
 
     def flight(self, index: int) -> tuple[Source, int]:
         """Field and seed of a flight, by its index among the flights of a policy."""
@@ -108,6 +115,7 @@ class Request:
             "policies": {policy: provenance.models(policy) for policy in self.policies},
             "fields": spans([name_of(source) for source in self.fields]),
             "files": {one.name: provenance.hash_field(one) for one in given},
+            "inflate": self.inflate,
             "seeds": spans([f":{seed}" for seed in self.seeds]),
             "chunk": self.chunk or [PLANNED, BATCHED],
             **self.software,

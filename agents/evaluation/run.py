@@ -146,6 +146,7 @@ def _summary(work: Work, flights: FlightTable, timings: Sequence[Timing]) -> dic
         "statistics": statistics_of(flights),
         "shields": summaries.shields(flights),
         "paper": summaries.on_paper(flights),
+        "unreachable": summaries.unreachable(work.request, flights),
         "files": sorted({"summary.json", REPORT, *names}),
     }
 

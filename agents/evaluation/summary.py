@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.evaluation.request import Request
 from agents.flights.flight_table import SHIELD, FlightTable
 from agents.policies.shield_decisions import ShieldDecision
+from ferguson_gym.shortest_paths import exact_length
+from planners.reachability import why_unreachable
 
 
 def shields(flights: FlightTable) -> list[dict[str, Any]]:
@@ -58,6 +62,27 @@ def on_paper(flights: FlightTable) -> list[dict[str, Any]]:
                 "exact_length": None if np.isnan(exact) else exact,
             }
         )
+    return found
+
+
+def unreachable(request: Request, flights: FlightTable) -> list[dict[str, str]]:
+    """The fields whose goal no flight can reach, each with a status and a message: JSON values.
+
+    Among drawn fields, which have the default limits, only those without a shortest path to
+    compare with are looked at.
+    """
+    exact = flights.grid(flights["exact_length"])[0, :, 0]
+    found = []
+    for source, length in zip(request.fields, exact.tolist(), strict=True):
+        known = not math.isnan(length)
+        if known and isinstance(source, str):
+            continue
+        field = request.field(source)
+        why = why_unreachable(field, length if known else exact_length(field))
+        if why is not None:
+            status, reason = why
+            message = "; ".join(filter(None, (status.sentence, reason)))
+            found.append({"field": field.name, "status": status.label, "message": message})
     return found
 
 

@@ -16,6 +16,8 @@ from ferguson_gym.world.paper_fields import TABLE_I
 
 _TO = "\N{EN DASH}"
 _INFINITE = "inf"
+_FEW = 3
+"""Number of fields whose goal no flight can reach that are named."""
 _OUTCOMES = {outcome.label: outcome.sentence for outcome in Outcome}
 
 
@@ -25,7 +27,9 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     found = {**found, "policies": timed(found["policies"], summary["policies"])}
     yield policies(found)
     remarks = [
+        *inflation(summary),
         *failures(found),
+        *beyond_reach(summary.get("unreachable", ())),
         *without_gap(found),
         *filter(None, [caution(found)]),
         *(
@@ -85,6 +89,20 @@ def failures(found: Mapping[str, Any]) -> Iterator[str]:
         if causes:
             listed = ", ".join(f"{number} x {cause}" for cause, number in causes.items())
             yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {listed}"
+
+
+def inflation(summary: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence on how much obstacles were grown, if they were."""
+    if inflate := summary.get("configuration", {}).get("inflate"):
+        yield f"all obstacles are inflated by {inflate:g} m, for shortest paths, too"
+
+
+def beyond_reach(fields: Sequence[Mapping[str, Any]]) -> Iterator[str]:
+    """A sentence for each field whose goal no flight can reach, for the first few of them."""
+    for one in fields[:_FEW]:
+        yield f"{one['field']}: {one['message']}"
+    if len(fields) > _FEW:
+        yield f"likewise, no flight can reach the goal of {len(fields) - _FEW} other fields"
 
 
 def without_gap(found: Mapping[str, Any]) -> Iterator[str]:

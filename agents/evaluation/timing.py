@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.evaluation.request import Request, field_of
+from agents.evaluation.request import Request
 from agents.flights import fly
 from agents.flights.metrics import quantile
 from agents.policies import make_policy
@@ -62,7 +62,7 @@ def measure(request: Request, policy: str, budget: float = BUDGET) -> Timing:
     began = time.perf_counter()
     for index in _spread(request.each, MOST):
         source, seed = request.flight(index)
-        flown = fly(ready, field_of(source), seed, name=policy)
+        flown = fly(ready, request.field(source), seed, name=policy)
         decisions += flown.decision_seconds
         flights.append(flown.seconds)
         raise_if_interrupted()

@@ -13,7 +13,7 @@ from joblib import delayed
 from numpy.typing import NDArray
 
 from agents.evaluation.chunks import Result, Task, fly_task, single_flights, task_of
-from agents.evaluation.request import Chunk, Request, field_of, name_of
+from agents.evaluation.request import Chunk, Request, name_of
 from agents.flights import Flight
 from agents.flights.flight_table import PATHS, Columns, FlightTable, check, drawable, join
 from agents.runtime.chunk_store import ChunkStore, read_json, refuse_other
@@ -93,7 +93,7 @@ class Work:
             for index in here:
                 source, seed = self.request.flight(index)
                 place = index - chunk.first
-                flights.append(drawable(columns, place, policy, field_of(source), seed))
+                flights.append(drawable(columns, place, policy, self.request.field(source), seed))
         return flights
 
 

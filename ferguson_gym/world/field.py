@@ -37,8 +37,8 @@ class Field(ShowsPicture):
     Raises:
         ValueError: shapes that do not match, NaN or infinity, start or goal inside an
             obstacle or outside the bounds, start on the goal, lower bounds not below upper bounds,
-            limits that contradict each other, a start derivative shorter than a regular segment
-            allows.
+            limits that contradict each other, a start derivative shorter or longer than that of
+            any feasible segment.
     """
 
     name: str
@@ -90,6 +90,12 @@ class Field(ShowsPicture):
                 f"start_derivative must be at least {limits.slowest:g} m per unit t long, "
                 f"got {_point(derivative)}"
             )
+        if np.linalg.norm(derivative) > limits.steepest:
+            raise ValueError(
+                f"start_derivative must be at most {limits.steepest:.5g} m per unit t long, since "
+                f"no segment of at most {limits.longest:g} m has a greater one, got "
+                f"{_point(derivative)}, {np.linalg.norm(derivative):.5g} m per unit t long"
+            )
         for label, point in (("start", start), ("goal", goal)):
             if (point < bounds[0]).any() or (point > bounds[1]).any():
                 raise ValueError(
@@ -140,6 +146,27 @@ class Field(ShowsPicture):
         usual = np.array_equal(self.departure, self.limits.longest / 3.0 * way / self.distance)
         departure = None if usual else self.departure
         return dataclasses.replace(self, limits=limits, start_derivative=departure)
+
+    def inflated(self, metres: float) -> Field:
+        """The field with all obstacles grown by a vehicle's radius [m]; its name stays the same.
+
+        Bounds stay as they are: they hold for the vehicle's centre.
+
+        Raises:
+            ValueError: metres that are negative or not finite, or so many that an obstacle contains
+                the start or the goal.
+        """
+        if not 0.0 <= metres < np.inf:
+            raise ValueError(f"obstacles are inflated by 0 m or more, got {metres:g} m")
+        if metres == 0.0 or len(self.obstacles) == 0:
+            return self
+        grown = self.obstacles.grown(np.full(len(self.obstacles), float(metres)))
+        try:
+            return dataclasses.replace(self, obstacles=grown)
+        except ValueError as error:
+            raise ValueError(
+                f"{self.name}, with obstacles inflated by {metres:g} m: {error}"
+            ) from None
 
     def plot(self, axes: Any = None) -> Any:
         """Draw obstacles, start, goal and bounds on matplotlib axes.

@@ -13,6 +13,9 @@ RATIOS = {"shortest": 3.0 / 15.0, "slowest": 0.1 / 15.0, "gate": 1.0 / 15.0, "to
 """Ratios of limits to the longest segment: those of the paper, and ours where it has none."""
 DETOUR = 4.25
 """The default number of segments flies this many times the straight distance to the goal."""
+STEEPEST_RATIO = 4.3904
+"""No |X'| of a cubic exceeds this multiple of its length, rounded up: 4.39031 is the greatest value
+at an end of a quadratic polynomial whose absolute value has integral one on [0, 1]."""
 FEWEST = 40
 """Least default number of segments: that of the paper's fields."""
 
@@ -120,6 +123,11 @@ class Limits:
         Lengths in the code that no field sets, for example strides, are multiples of it.
         """
         return float(self.longest) / 15.0
+
+    @property
+    def steepest(self) -> float:
+        """Maximum |X'(t)| [m per unit t] that a feasible segment can have."""
+        return STEEPEST_RATIO * (self.longest + self.tolerance)
 
     def for_distance(self, distance: float) -> Limits:
         """These limits with a number of segments, by default for this distance to the goal [m]."""

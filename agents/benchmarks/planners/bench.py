@@ -24,6 +24,7 @@ from agents.runtime.terminal import Terminal
 from agents.runtime.terminal_tables import decimal
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world import Field
+from planners.interface import Status
 
 COLUMNS = (
     *("planner", "field", "seed", "status", "success"),
@@ -46,6 +47,8 @@ class Request:
     seconds: float | None
     """Search time of planners with a budget [s]; None: their own budgets."""
     workers: int
+    inflate: float = 0.0
+    """By how much the obstacles were grown [m], for the record."""
 
 
 def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
@@ -106,6 +109,7 @@ def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
     return {
         "fields": [field.name for field in request.fields],
         "seeds": list(request.seeds),
+        "inflate": request.inflate,
         "budget_seconds": request.seconds,
         "workers": request.workers,
         "left_out": dict(request.left_out),
@@ -122,7 +126,7 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     successes = [run for run in mine if run.success]
     gaps = [run.gap for run in successes if run.gap is not None]
     failed = [run for run in mine if not run.success]
-    causes = Counter(f"{r.status} ({r.reason})" if r.reason else r.status for r in failed)
+    causes = Counter(_cause(run) for run in failed)
     # seeds on one field are not independent trials, and do not matter to many planners
     fields = len({run.field.name for run in mine})
     low, high = metrics.success_interval(fields * len(successes) / len(mine), fields)
@@ -146,17 +150,24 @@ def statistics(mine: Sequence[Run]) -> dict[str, Any]:
     }
 
 
+def _cause(run: Run) -> str:
+    """The status of a failed run, with the message of a crash; other reasons differ by field."""
+    crashed = run.status == Status.CRASHED.label
+    return f"{run.status} ({run.reason})" if crashed and run.reason else run.status
+
+
 def _quantile(values: Sequence[float], share: float) -> float | None:
     return metrics.finite(metrics.quantile(values, share))
 
 
 def table(report: Mapping[str, Any]) -> Table:
     """A row for each planner."""
-    budget = report["budget_seconds"]
+    budget, inflate = report["budget_seconds"], report["inflate"]
     where = "where a planner searches on"
+    grown = f", obstacles inflated by {inflate:g} m" if inflate else ""
     searched = "their own budgets" if budget is None else f"{budget:g} s {where}"
     rows = terminal_tables.empty_table(
-        f"Planners on the same {len(report['fields'])} fields, {searched}",
+        f"Planners on the same {len(report['fields'])} fields{grown}, {searched}",
         "planner",
         "solved",
         "95 % interval",

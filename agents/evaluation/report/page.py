@@ -83,7 +83,7 @@ def write_page(
         "statistics": found,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
         "provenance": dict(_flat("", provenance)),
-        "browser": browser(flights, paths, fields, budget),
+        "browser": browser(flights, paths, fields, budget, _inflation(provenance)),
     }
     with atomic_write(path) as temporary:
         temporary.write_text(page(data), encoding="utf-8")
@@ -169,6 +169,15 @@ def _read_summary(path: Path) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise ValueError(f"{path}: not a JSON object")
     return found
+
+
+def _inflation(summary: Mapping[str, Any]) -> float:
+    """By how much obstacles were grown [m]; 0 if the summary does not say so."""
+    configuration = summary.get("configuration")
+    found = configuration.get("inflate") if isinstance(configuration, dict) else None
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        return 0.0
+    return float(found) if 0.0 <= found <= LARGEST else 0.0
 
 
 def _of_policies(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -32,12 +32,14 @@ def draw_shortest(path: ShortestPath) -> str:
     return "".join(parts)
 
 
-def draw_field(name: str, fields: Mapping[str, Field]) -> dict[str, Any]:
+def draw_field(name: str, fields: Mapping[str, Field], inflate: float = 0.0) -> dict[str, Any]:
     """Bounds, start, goal, discs and shortest path of a field, as far as they are known.
 
-    A field that is not in `fields` is drawn if its name defines it.
+    A field that is not in `fields` is drawn if its name defines it. Obstacles are grown by
+    `inflate` [m].
     """
     field = fields[name] if name in fields else _named(name)
+    field = None if field is None else field.inflated(inflate)
     drawn: dict[str, Any] = {"name": name, "bounds": _centimetres(np.repeat(BOUNDS, 2)).tolist()}
     drawn |= dict.fromkeys(("start", "goal", "discs", "shortest"))
     if field is None or len(field.start) != 2:

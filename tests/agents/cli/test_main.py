@@ -38,6 +38,7 @@ JSON_KEYS = [
     "message",
     "to_goal",
     "evaluations",
+    "inflate",
     "route_length",
 ]
 

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,8 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from ferguson_gym.curves import length
 from ferguson_gym.curves.clearance import closest
 from ferguson_gym.world.field import Field, from_json, to_json
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
@@ -203,7 +206,7 @@ def fields(draw):
         start=-start / 3.0,
         goal=goal,
         bounds=np.stack([-start, goal * 1e90]),
-        start_derivative=draw(points)[0] / 0.3,
+        start_derivative=0.3 * draw(points)[0] + 0.1,
     )
 
 
@@ -325,3 +328,45 @@ def test_numbers_of_a_file_must_be_numbers(number, tmp_path):
 def test_ragged_bounds_are_named():
     with pytest.raises(ValueError, match="bounds must be an array of numbers"):
         Field(name="ragged", obstacles=Discs([], []), bounds=[[1, 2], [3]])
+
+
+def test_inflated_obstacles_leave_the_rest_of_a_field() -> None:
+    field = get_field("paper:2")
+    grown = field.inflated(0.5)
+    assert isinstance(field.obstacles, Discs)
+    assert isinstance(grown.obstacles, Discs)
+    np.testing.assert_array_equal(grown.obstacles.radii, field.obstacles.radii + 0.5)
+    assert replace(grown, obstacles=field.obstacles).name == "paper:2"
+    assert grown.limits == field.limits
+    np.testing.assert_array_equal(grown.departure, field.departure)
+    assert field.inflated(0.0) is field
+
+
+@pytest.mark.parametrize(
+    ("metres", "message"),
+    [
+        (-0.5, "obstacles are inflated by 0 m or more, got -0.5 m"),
+        (np.nan, "obstacles are inflated by 0 m or more, got nan m"),
+        (99.0, r"paper:2, with obstacles inflated by 99 m: start \(0, 0\) lies .* m inside obst"),
+    ],
+)
+def test_an_inflation_that_leaves_no_start_is_refused(metres: float, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        get_field("paper:2").inflated(metres)
+
+
+def test_a_start_derivative_that_no_segment_has_is_refused() -> None:
+    field = get_field("paper:2")
+    message = (
+        r"at most 65\.856 m per unit t long, since no segment of at most 15 m .* got \(0, 65\.9\), "
+        r"65\.9 m per unit t long"
+    )
+    with pytest.raises(ValueError, match=message):
+        replace(field, start_derivative=[0.0, 65.9])
+    # the quadratic x' with x'(0) = 65.85 whose absolute value has the least integral
+    v, a, b = 65.85, 0.4544225743510721, 0.8405354698523172
+    end = v * (1.0 / 3.0 - (a + b) / 2.0 + a * b) / (a * b)
+    last = v * (1.0 - a) * (1.0 - b) / (a * b)
+    shortest = np.array([[0.0, 0.0], [end, 0.0], [v, 0.0], [last, 0.0]])
+    assert 14.99 < length(shortest) < 15.0
+    assert replace(field, start_derivative=[0.0, 65.85]).departure[1] == 65.85
