@@ -143,7 +143,7 @@ def fields(draw: DrawFn, most: int = 8) -> Field:
     kept = [(center, radius) for center, radius in kept if radius > 0.0]
     options: dict[str, Any] = {}
     if draw(st.booleans()):
-        options["start_derivative"] = draw(slopes(1.0 + 1e-9))
+        options["start_derivative"] = draw(slopes(1.0 + 1e-9, 65.8))
     assume(np.linalg.norm(goal - start) > 0.0)
     return Field(
         name="drawn",
@@ -159,9 +159,9 @@ def fields(draw: DrawFn, most: int = 8) -> Field:
 
 
 @st.composite
-def slopes(draw: DrawFn, least: float) -> NDArray[np.float64]:
-    """Derivatives of at least that norm."""
-    angle, speed = draw(st.floats(-4.0, 4.0)), draw(st.floats(least, 66.0))
+def slopes(draw: DrawFn, least: float, most: float = 66.0) -> NDArray[np.float64]:
+    """Derivatives of a norm within these bounds."""
+    angle, speed = draw(st.floats(-4.0, 4.0)), draw(st.floats(least, most))
     return speed * np.array([np.cos(angle), np.sin(angle)])
 
 
