@@ -65,11 +65,11 @@ def stopped_by_clock(policy: str) -> bool:
 
 
 def hash_field(field: Field) -> str:
-    """SHA-256 of a field's arrays and obstacles."""
+    """SHA-256 of a field's arrays, limits and obstacles."""
     arrays = [field.start, field.goal, field.bounds, field.departure]
-    obstacles, rest = field.obstacles, b""
+    obstacles, rest = field.obstacles, repr(field.limits).encode()
     if isinstance(obstacles, Discs):
         arrays += [obstacles.centers, obstacles.radii]
     else:
-        rest = repr(obstacles).encode()
+        rest += repr(obstacles).encode()
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays) + rest).hexdigest()

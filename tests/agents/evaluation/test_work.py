@@ -310,6 +310,9 @@ def test_a_field_in_a_file_is_another_when_it_changes() -> None:
     assert requests[0].configuration != requests[1].configuration
     again = Request(policies=["guided"], fields=[replace(named[0])], seeds=[0])
     assert again.configuration == requests[0].configuration
+    short = named[0].with_limits(segments=9)
+    shorter = Request(policies=["guided"], fields=[short], seeds=[0])
+    assert shorter.configuration != requests[0].configuration
     assert field_of("sparse/train:1").obstacles.centers.tolist() == (  # type: ignore[attr-defined]
         get_field("sparse/train:1").obstacles.centers.tolist()  # type: ignore[attr-defined]
     )
