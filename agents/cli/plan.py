@@ -74,8 +74,7 @@ def add_to(plan: Parser) -> None:
         "--no-reference",
         dest="reference",
         action="store_false",
-        help="do not compute the shortest path, which takes seconds among thousands of obstacles, "
-        "and report no gap",
+        help="do not compute the exact shortest path, and report no gap",
     )
     shared.add_json(plan, "print only one JSON object")
     plot_help = "draw the plan (png, pdf, svg)"

@@ -140,10 +140,14 @@ class Discs:
     def near(self, point: ArrayLike, reach: float) -> Discs:
         """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
         point = np.asarray(point, dtype=np.float64)
-        discs = self._slab(point, reach) if len(self) > MANY else self
-        return discs.only(discs.signed_distance(point) <= reach)
+        if len(self) <= MANY:
+            return self.only(self.signed_distance(point) <= reach)
+        near = self._slab(point, reach)
+        apart = np.linalg.norm(self.centers[near] - point, axis=1) - self.radii[near]
+        near = near[apart <= reach]
+        return Discs(self.centers[near], self.radii[near])
 
-    def _slab(self, point: Array, reach: float) -> Discs:
+    def _slab(self, point: Array, reach: float) -> NDArray[np.int64]:
         """The discs near a point (D,) by their first coordinate alone, in their order."""
         if self._sorted is None:
             order = np.argsort(self.centers[:, 0], kind="stable")
@@ -155,8 +159,7 @@ class Discs:
         room = (reach + largest) * (1.0 + 1e-9) + 1e-12 * abs(point[0])
         first = np.searchsorted(along, point[0] - room)
         end = np.searchsorted(along, point[0] + room, side="right")
-        chosen = np.sort(order[first:end])
-        return Discs(self.centers[chosen], self.radii[chosen])
+        return np.sort(order[first:end])
 
     def only(self, keep: NDArray[np.bool_]) -> Discs:
         """The obstacles that a mask (n,) selects."""
@@ -172,8 +175,10 @@ class Discs:
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
+        if len(self) <= MANY:
+            return clearance(control, self.centers, self.radii)
         control = as_control(control)
-        if len(self) <= MANY or control.shape[-1] != self.dimension or control.size == 0:
+        if control.shape[-1] != self.dimension or control.size == 0:
             return clearance(control, self.centers, self.radii)
         points = to_bezier(control).reshape(-1, self.dimension)
         # the curves lie in this ball around the middle of their Bézier points

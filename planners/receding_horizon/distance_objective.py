@@ -8,8 +8,9 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.departures import Departure
+from ferguson_gym.shortest_paths.departures import Departure, shortest_departure
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.tangent_graph import Tracks
 from ferguson_gym.shortest_paths.tangents import Scene
 
 _OUTSIDE = 1e-6
@@ -46,14 +47,19 @@ class ToGoObjective:
     def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
         """F, its gradient (3,) and Hessian (3, 3) with respect to (l, P)."""
         togo, near = self.togo, (float(end[0]), float(end[1]))
+        blocked = max(_NO_PATH, 5.0 * togo.field.distance)
+        if togo.tracks is not None:
+            goal, tolerance = togo.field.goal, togo.tolerance
+            return _expand_by_graph(
+                length, *near, togo.scene, togo.tracks, goal, tolerance, blocked
+            )
         way = togo.departure(*near)
         for _ in range(_MAX_MOVES):
             if way.distance < np.inf:
                 break
             near = _out_of_discs(togo.scene, *near)
             way = togo.departure(*near)
-        blocked = max(_NO_PATH, 5.0 * togo.field.distance) if way.distance == np.inf else 0.0
-        return _expand(length, end[0], end[1], *near, way, blocked)
+        return _expand(length, float(end[0]), float(end[1]), *near, way, blocked)
 
 
 @compiled
@@ -73,6 +79,28 @@ def _out_of_discs(scene: Scene, x: float, y: float) -> tuple[float, float]:
     dx, dy = x - disc.x, y - disc.y
     stretch = (disc.radius + _OUTSIDE) / max(np.sqrt(dx * dx + dy * dy), _OUTSIDE)
     return disc.x + stretch * dx, disc.y + stretch * dy
+
+
+@compiled
+def _expand_by_graph(
+    length: float,
+    x: float,
+    y: float,
+    scene: Scene,
+    tracks: Tracks,
+    goal: Array,
+    tolerance: float,
+    blocked: float,
+) -> tuple[float, Array, Array]:
+    """F and its derivatives at (x, y) in one call, which takes as long as the rest otherwise."""
+    near_x, near_y = x, y
+    way = shortest_departure(scene, tracks, goal, x, y, tolerance)
+    for _ in range(_MAX_MOVES):
+        if way.distance < np.inf:
+            break
+        near_x, near_y = _out_of_discs(scene, near_x, near_y)
+        way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
+    return _expand(length, x, y, near_x, near_y, way, blocked)
 
 
 @compiled

@@ -224,6 +224,36 @@ def test_distances_from_points_anywhere_in_a_maze() -> None:
     assert_agree_everywhere(maze(0, 6), points)
 
 
+def comb() -> Field:
+    """Walls of overlapping discs from alternate bounds, so that the path winds between them."""
+    wall = np.arange(-10.0, 91.0, 4.0)
+    places = [
+        (x, y if k % 2 == 0 else 100.0 - y)
+        for k, x in enumerate(np.arange(12.0, 90.0, 12.0))
+        for y in wall
+    ]
+    return Field(name="comb", obstacles=Discs(places, np.full(len(places), 2.5)))
+
+
+def spiral() -> Field:
+    """A wall of overlapping discs that winds two and a half times around the goal."""
+    turn = np.linspace(0.0, 5.0 * math.pi, 140)
+    ray = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    centers = 50.0 + (6.0 + 2.6 * turn)[:, None] * ray
+    # two of each, and a third that only touches
+    radii = np.repeat([2.0, 2.0, 1.0], 140)
+    centers = np.concatenate([centers, centers, centers + 3.0 * ray])
+    return Field(name="spiral", obstacles=Discs(centers, radii), goal=(50.0, 50.0))
+
+
+@pytest.mark.parametrize("walls", [comb(), spiral()], ids=["comb", "spiral"])
+def test_distances_and_classes_behind_walls(walls: Field) -> None:
+    assert assert_agrees(walls) is not None
+    points = np.random.default_rng(1).uniform(-10.0, 110.0, (50, 2))
+    assert_agree_everywhere(walls, points)
+    assert_same_classes(walls, walls.start, 3)
+
+
 @given(field=fields())
 @settings(deadline=None, max_examples=60, derandomize=True)
 def test_distances_in_any_field(field: Field) -> None:
