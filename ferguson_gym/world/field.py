@@ -81,7 +81,7 @@ class Field(ShowsPicture):
             raise ValueError(f"start and goal coincide at {_point(start)}")
         limits = Limits.of(self.limits).for_distance(distance)
         derivative = (
-            limits.longest / 3.0 * way / distance
+            _default_speed(limits) * way / distance
             if self.start_derivative is None
             else finite("start_derivative", self.start_derivative, (len(start),))
         )
@@ -143,7 +143,7 @@ class Field(ShowsPicture):
             return self
         limits = self.limits.changed(self.distance, changes)
         way = self.goal - self.start
-        usual = np.array_equal(self.departure, self.limits.longest / 3.0 * way / self.distance)
+        usual = np.array_equal(self.departure, _default_speed(self.limits) * way / self.distance)
         departure = None if usual else self.departure
         return dataclasses.replace(self, limits=limits, start_derivative=departure)
 
@@ -200,6 +200,11 @@ class Field(ShowsPicture):
             picture.add_discs(self.obstacles.centers, self.obstacles.radii)
         picture.add_ends(self.start, self.goal)
         return picture
+
+
+def _default_speed(limits: Limits) -> float:
+    """Length of the default start derivative [m per unit t]."""
+    return max(limits.longest / 3.0, limits.slowest)
 
 
 def _point(point: ArrayLike) -> str:

@@ -94,16 +94,20 @@ class Swarms:
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """The shortest certified chain that any swarm finds; None if there is none.
 
-        No chain is searched for if the goal is out of reach of the remaining segments. The budget
+        No chain is searched for if the goal is out of reach of the remaining segments, or of
+        `MAX_SEGMENTS`. The budget
         is checked after each round of generations and may be exceeded by one round.
 
         Raises:
             TypeError: obstacles other than discs in the plane.
         """
         began = time.perf_counter()
+        distance = float(np.linalg.norm(field.goal - vehicle.position))
         left = field.limits.segments - vehicle.segments
-        if np.linalg.norm(field.goal - vehicle.position) > field.limits.longest * left:
-            return None  # such chains would need too much memory
+        if distance > field.limits.longest * left:
+            return None
+        if self.encoding.segments(distance) > MAX_SEGMENTS:
+            return None  # the encoding needs memory with the square of their number
         objective = chain_objective(field, vehicle, self.encoding, self.penalties)
         stream = np.random.default_rng([seed, vehicle.segments])
         best: Array | None = None
