@@ -14,6 +14,7 @@ from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world import Field
 from ferguson_gym.world.field_names import as_field
+from ferguson_gym.world.turn_radius import check_turn_radius
 from planners.deadline import check_deadline, plan_within
 from planners.interface import Iterations, Plan, Planner, Replanner, Router, initial_state
 from planners.optimization import MultiStart, Proposer
@@ -26,6 +27,7 @@ from planners.whole_path.planner import WholePath
 from planners.whole_path.swarm import bees, particles
 from planners.whole_path.voronoi import VoronoiEdges
 from planners.wrappers import Backtracking, Margin, Sensing
+from planners.wrappers.limited_sensing import check_range
 
 
 def single_start() -> RecedingHorizon:
@@ -264,6 +266,18 @@ class PlannerSpec:
         if self.sensing is not None:
             planner = Sensing(planner=self._replanner(planner, "sensing"), reach=self.sensing)
         return planner
+
+    def check(self, field: Field) -> None:
+        """Refuse options that do not fit the limits of a field.
+
+        Raises:
+            ValueError: a sensing range below the longest segment, or a turn radius that is not
+                above the tolerance.
+        """
+        if self.sensing is not None:
+            check_range(self.sensing, field)
+        if self.turn is not None:
+            check_turn_radius(self.turn, field.limits.tolerance)
 
     def _replanner(self, planner: Planner, option: str) -> Replanner:
         if not isinstance(planner, Replanner):

@@ -12,6 +12,7 @@ from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.optional_dependencies import installing
 from ferguson_gym.world import get_fields, initial_state
 from planners import PLANNERS, make
+from planners.registry import PlannerSpec
 
 _FIELDS = "standard/validation:0-99"
 _MOST = 1_000_000
@@ -151,6 +152,9 @@ def _prepare_planners(options: argparse.Namespace, terminal: Terminal) -> Job:
     refuse_twice("field", [field.name for field in fields])
     refuse_twice("planner", names)
     missing = {name: reason for name in names if (reason := _missing(name))}
+    for name in names:
+        for field in fields:
+            PlannerSpec.parse(name).check(field)
     if options.planner and missing:
         raise ValueError("; ".join(missing.values()))
     request = bench.Request(

@@ -103,7 +103,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     """
     from agents.evaluation import run, work
     from agents.evaluation.request import Request, name_of
-    from agents.policies import make_policy
+    from agents.policies import PolicySpec, make_policy
     from agents.runtime import executors
 
     backend = executors.Backend(
@@ -122,6 +122,10 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     for source in fields if options.inflate else ():
         request.field(source)  # raises if an obstacle swallows the start or the goal
     files = [request.field(source) for source in fields if isinstance(source, Field)]
+    drawn = next(([request.field(name)] for name in fields if isinstance(name, str)), [])
+    for policy in options.policy:
+        for field in (*files, *drawn):
+            PolicySpec.parse(policy).check(field)
     if not options.fresh:
         work.is_finished(work.Work(options.out, request))
     executors.check(backend)

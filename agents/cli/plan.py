@@ -130,6 +130,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         check_deadline(planner, name)
     field = get_field(options.field).inflated(options.inflate)
     initial_state(field)  # raises if no flight can begin
+    spec.check(field)
     if options.plot is not None:
         check_target(options.plot)
     distance = SPACING if options.spacing is None else options.spacing

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from agents.models import shipped_agents
+from ferguson_gym.world import Field
 from planners.registry import PLANNERS, PlannerSpec
 
 _SHIELD, _FROM, _TRIES = "+shield", "+from=", "+tries="
@@ -98,6 +99,15 @@ class PolicySpec:
         if self.start_from is not None:
             raise ValueError(f"planner {str(self)!r} carries an option twice: from")
         return replace(spec, start_from=PolicySpec.parse(start_from))
+
+    def check(self, field: Field) -> None:
+        """Refuse options that do not fit the limits of a field.
+
+        Raises:
+            ValueError: as `planners.registry.PlannerSpec.check`.
+        """
+        if self.planner is not None:
+            self.planner.check(field)
 
     @property
     def is_planner(self) -> bool:

@@ -37,7 +37,11 @@ def warm(name: str, seconds: float | None = None) -> Planner:
     Raises:
         ValueError: the planner is unknown, or its library is not installed.
     """
-    planner = with_seconds(make_planner(PolicySpec.parse_planner(name)), seconds)
+    spec = PolicySpec.parse_planner(name)
+    planner = with_seconds(make_planner(spec), seconds)
     field = small_field()
+    if spec.planner is not None and spec.planner.sensing is not None:
+        # a range is at least the longest segment
+        field = field.with_limits(longest=min(field.limits.longest, spec.planner.sensing))
     with_seconds(planner, _SECONDS).plan(field, initial_state(field), 0)
     return planner

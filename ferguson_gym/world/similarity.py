@@ -31,27 +31,27 @@ class Similarity:
 
     @property
     def origin(self) -> Array:
-        """The point (2,) that is mapped to the origin [m]."""
+        """The point (D,) that is mapped to the origin [m]."""
         return self.field.start
 
     def points(self, points: Array) -> Array:
-        """Points (*batch, 2) in the image."""
+        """Points (*batch, D) in the image."""
         return self.scale * (points - self.origin)
 
     def points_back(self, points: Array) -> Array:
-        """Points (*batch, 2) [m] of the image's points; the image's goal becomes the goal."""
+        """Points (*batch, D) [m] of the image's points; the image's goal becomes the goal."""
         back = points / self.scale + self.origin
         back[(points == self.image.goal).all(axis=-1)] = self.field.goal
         return back
 
     def control(self, control: Array) -> Array:
-        """Segments (*batch, 4, 2) in the image."""
+        """Segments (*batch, 4, D) in the image."""
         return np.concatenate(
             [self.points(control[..., :2, :]), self.scale * control[..., 2:, :]], axis=-2
         )
 
     def control_back(self, control: Array) -> Array:
-        """Segments (*batch, 4, 2) of the image's segments."""
+        """Segments (*batch, 4, D) of the image's segments."""
         return np.concatenate(
             [self.points_back(control[..., :2, :]), control[..., 2:, :] / self.scale], axis=-2
         )
@@ -63,15 +63,7 @@ class Similarity:
 
 @lru_cache(maxsize=8)
 def similarity(field: Field) -> Similarity | None:
-    """The similarity of a planar field, cached by the field's identity; None for the identity.
-
-    Raises:
-        ValueError: a field that is not planar.
-    """
-    if len(field.start) != 2:
-        raise ValueError(
-            f"flights are planar, field {field.name} has {len(field.start)} dimensions"
-        )
+    """The similarity of a field, cached by the field's identity; None if it is its own image."""
     limits = field.limits
     if limits.longest == PAPER_LIMITS.longest and not field.start.any():
         return None
@@ -79,7 +71,7 @@ def similarity(field: Field) -> Similarity | None:
     image = replace(
         field,
         obstacles=field.obstacles.rescaled(field.start, scale),
-        start=np.zeros(2),
+        start=np.zeros_like(field.start),
         goal=scale * (field.goal - field.start),
         bounds=scale * (field.bounds - field.start),
         start_derivative=scale * field.departure,

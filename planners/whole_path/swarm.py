@@ -29,6 +29,8 @@ from planners.whole_path.swarm_objective import ChainObjective, Encoding, Penalt
 
 BUDGET = Evaluations(150_000)
 """About a second."""
+MAX_SEGMENTS = 1000
+"""Greatest number of segments of a chain."""
 TOLERANCE = 1e-6
 """Depth in obstacles and outside the bounds [m] that certification tolerates."""
 POINTS = 50

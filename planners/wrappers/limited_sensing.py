@@ -49,11 +49,7 @@ class Sensing(StepByStep):
             ValueError: a range below the longest segment of the field.
         """
         began = time.perf_counter()
-        if not self.reach >= field.limits.longest:
-            raise ValueError(
-                "a sensing range must be at least the longest segment, "
-                f"{field.limits.longest:g} m in field {field.name}, got {self.reach:g} m"
-            )
+        check_range(self.reach, field)
         seen = known_field(field, state, self.reach)
         decision = self.planner.decide(seen, state, seed)
         chain = decision.chain
@@ -77,6 +73,19 @@ class Sensing(StepByStep):
             return True
         room = self.reach - float(np.linalg.norm(end - start))
         return room >= 0.5 * field.limits.shortest + 4.0 / 27.0 * float(np.linalg.norm(derivative))
+
+
+def check_range(reach: float, field: Field) -> None:
+    """Refuse a sensing range [m] that is too short for a field.
+
+    Raises:
+        ValueError: a range below the longest segment.
+    """
+    if not reach >= field.limits.longest:
+        raise ValueError(
+            "a sensing range must be at least the longest segment, "
+            f"{field.limits.longest:g} m in field {field.name}, got {reach:g} m"
+        )
 
 
 def _halved(segment: Array) -> Array:

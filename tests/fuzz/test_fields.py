@@ -238,7 +238,7 @@ def test_limits_are_consistent_or_refused(values: dict[str, Any]) -> None:
     limits = attempt(Limits, **values)
     if limits is not None:
         assert 0 <= limits.gate < limits.shortest < limits.longest < np.inf
-        assert limits.numbers().segments >= 1
+        assert limits.for_distance(100.0).numbers().segments >= 1
 
 
 @fuzzed(

@@ -68,11 +68,3 @@ def test_limits_of_the_field_are_kept_in_proportion() -> None:
     assert found is not None
     inside = found.image.limits
     np.testing.assert_allclose(inside.numbers(), (3.0, 15.0, 0.1, 0.3, 1e-4, 77), rtol=1e-12)
-
-
-def test_fields_that_are_not_planar_have_no_image() -> None:
-    field = Field(
-        name="space", obstacles=Discs(np.empty((0, 3)), []), start=[0, 0, 0], goal=[9, 9, 9]
-    )
-    with pytest.raises(ValueError, match="planar"):
-        similarity(field)

@@ -106,10 +106,10 @@ def test_straight_lines_keep_any_radius_and_reversals_none() -> None:
 
 @pytest.mark.parametrize("radius", [0.0, -2.0, 1e-5, np.nan, np.inf])
 def test_a_radius_that_cannot_be_kept_is_refused(radius: float) -> None:
+    field = get_field("sparse/train:0")
     with pytest.raises(ValueError, match=f"above the tolerance of .* m, got {radius} m"):
-        planner = Guided(min_turn_radius=radius)  # which knows no tolerance before it plans
-        field = get_field("sparse/train:0")
-        planner.plan(field, initial_state(field), 0)
+        # the tolerance is known when it plans
+        Guided(min_turn_radius=radius).plan(field, initial_state(field), 0)
     with pytest.raises(ValueError, match=f"above the tolerance of 1e-05 m, got {radius} m"):
         keeps_turn_radius(near_cusp(1.0), radius)
 

@@ -189,7 +189,13 @@ def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
 
 @pytest.mark.parametrize(("goal", "flown"), [(1e6, 0), (601.0, 0), (100.0, 34)])
 def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, flown: int) -> None:
-    field = Field(name="far", obstacles=Discs([], []), goal=(goal, 0.0), bounds=(-1e6, 1e6))
+    field = Field(
+        name="far",
+        obstacles=Discs([], []),
+        goal=(goal, 0.0),
+        bounds=(-1e6, 1e6),
+        limits={"segments": 10**6 if goal == 1e6 else 40},
+    )
     vehicle = transition.State(field.start, field.departure, flown)
     endless = replace(swarms, budget=Evaluations(10**12))
     assert endless.route(field, vehicle, 0) is None

@@ -120,7 +120,7 @@ def test_names_carry_options() -> None:
         ("voronoi+backtrack", "'voronoi' plans its whole path at once and has no option"),
         ("guided+sensing=far", "a sensing range is a number of metres, got 'far'"),
         ("guided+sensing", "a sensing range is a number of metres, got ''"),
-        ("guided+sensing=14", "at least the longest segment, 15 m, got 14 m"),
+        ("guided+sensing=-14", "a sensing range must be above 0 m, got -14 m"),
         ("guided+wings", "unknown option 'wings' of planner 'guided'; need NAME"),
         ("guided+backtrack=3", "unknown option 'backtrack=3'"),
         ("guided+backtrack+backtrack", "carries an option twice"),
