@@ -32,7 +32,7 @@ OF_PLANNERS = {
     f"{EVALUATE} guided+turn=nan": "got nan m; omit it to allow any turn",
     f"{EVALUATE} guided+turn=3+sensing=20": "leave one out",
     f"{EVALUATE} multi-start+turn=3": "'multi-start' keeps no turn radius; guided does",
-    f"{EVALUATE} guided+sensing=1": "at least the longest segment, 15 m, got 1 m",
+    f"{EVALUATE} guided+sensing=1": "at least the longest segment, 15 m in field paper:1, got 1 m",
     f"{EVALUATE} guided+sensing=": "a sensing range is a number of metres, got ''",
     f"{EVALUATE} guided+margin=0": "a margin must be above 0 m and finite, got 0 m",
     f"{EVALUATE} shortest+backtrack": "'shortest' plans its whole path at once",
