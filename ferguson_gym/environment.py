@@ -330,7 +330,7 @@ class ObstacleField(gym.Env[Any, Action]):
         self._simulator.reset(_ONE, [field], [self.np_random], renewed, changes)
         if arguments:
             self.spec = self._spec
-        self._field = field if isinstance(field, Field) else None
+        self._field = None
         if self._viewer is not None:
             self._viewer.begin()
         if self.render_mode == "human":
