@@ -50,6 +50,11 @@ _MOST_TURN = 0.04
 """Upper limit of this excess, relative to the shortest segment."""
 
 
+_TIGHT = 0.85
+"""Mean length needed of the segments left, relative to the longest, above which all are planned
+together."""
+
+
 class Start(NamedTuple):
     """A window and an initial guess."""
 
@@ -234,7 +239,15 @@ class Guided(StepByStep):
         self, field: Field, vehicle: transition.State, points: Array, length: float
     ) -> Iterator[tuple[Window, Array]]:
         """Windows and guesses along a route to the goal (m, 2) of a given length [m]."""
-        for stride in self.strides:
+        left = max(1, field.limits.segments - vehicle.segments)
+        if is_tight(field, vehicle, length) and left > self.settings.segments:
+            # a window would not know that later segments must be long
+            yield (
+                self._final_window(field, vehicle, left),
+                along_route(vehicle, points, left, length),
+            )
+        least = length / left
+        for stride in dict.fromkeys(max(stride, least) for stride in self.strides):
             reach = self.settings.segments * stride
             final = length <= reach
             segments = math.ceil(length / stride) if final else self.settings.segments
@@ -317,6 +330,12 @@ def _first_part(points: Array, length: float) -> tuple[Array, float]:
     way = np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))
     last = min(int(np.searchsorted(way, length)), len(way) - 1)
     return points[: last + 2], float(way[last] / way[-1])
+
+
+def is_tight(field: Field, vehicle: transition.State, length: float) -> bool:
+    """Whether nearly all segments that are left must be long to fly a route of a length [m]."""
+    left = field.limits.segments - vehicle.segments
+    return length > _TIGHT * field.limits.longest * left
 
 
 def _report(

@@ -27,7 +27,7 @@ from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
 from ferguson_gym.world import Discs, is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
 from planners.interface import Decision, Replanner, State, WindowReport
-from planners.receding_horizon.guided import Guided
+from planners.receding_horizon.guided import Guided, is_tight
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep
 
@@ -103,9 +103,11 @@ class Pursuit(StepByStep):
         path = self._path(field, vehicle.position)
         if path is None:
             return
-        points = path.points(SPACING)
+        if is_tight(field, vehicle, path.length):
+            return
+        points, left = path.points(SPACING), field.limits.segments - vehicle.segments
         for stride in (self.stride, *self.others):
-            number = max(1, round(path.length / stride))
+            number = min(max(1, round(path.length / stride)), max(1, left))
             yield _along(vehicle, points, path.length / number, min(number, 2))
 
     def _path(self, field: Field, position: Array) -> ShortestPath | None:

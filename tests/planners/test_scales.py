@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import cache
 
 import numpy as np
@@ -110,3 +111,25 @@ def test_a_goal_that_a_disc_touches_is_reached_at_any_scale() -> None:
     field = Field(name="touched", obstacles=Discs([[100.0, 95.0]], [5.0]))
     for motion in MOTIONS.values():
         assert planned("guided", motion.field(field)).success
+
+
+@pytest.mark.parametrize("name", ["guided", "shortest", "pursuit"])
+@pytest.mark.parametrize("seed", [0, 1, 3])
+def test_strides_are_longer_where_few_segments_are_left(name: str, seed: int) -> None:
+    field = get_field(f"standard/train:{seed}")
+    exact = exact_length(field)
+    assert exact is not None
+    few = math.ceil(exact / 14.5)
+    plan = planned(name, field.with_limits(segments=few))
+    assert plan.success
+    assert len(plan.control) <= few
+    assert len(planned(name, field).control) > few
+
+
+@pytest.mark.parametrize("name", ["guided", "shortest", "pursuit"])
+def test_two_kilometres_are_flown(name: str) -> None:
+    discs = Discs([[700.0, 710.0], [1000.0, 980.0]], [30.0, 40.0])
+    far = Field(name="far", obstacles=discs, goal=[1414.0, 1414.0], bounds=(-10.0, 1424.0))
+    plan = planned(name, far)
+    assert plan.path is not None
+    assert plan.path.length < 1.002 * (exact_length(far) or 0.0)
