@@ -32,6 +32,7 @@ def add_to(animate: Parser) -> None:
         "--out", type=Path, required=True, metavar="FILE", help="the GIF to write", complete=FILE
     )
     shared.add_seed(animate, "seed of the policy")
+    shared.add_field_changes(animate)
     shared.add_output_options(animate)
     animate.set_defaults(prepare=prepare)
 
@@ -54,7 +55,8 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
             f"only planners can be animated, and {options.policy!r} is an agent; "
             f"planners are {', '.join(PLANNERS)}"
         )
-    field = get_field(options.field)
+    changes = shared.field_changes(options)
+    field = changes.apply(get_field(options.field))
     initial_state(field)
     check_target(options.out, "animation", [SUFFIX])
 
@@ -62,9 +64,11 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         flight = fly(options.policy, field, options.seed)
         with terminal.still_bar() as progress:
             frames = animate(flight, options.out, progress)
+        changed = f" with {changes}" if changes else ""
         terminal.show(
-            f"{flight.policy} on {field.name}, seed {flight.seed}: {flight.outcome.sentence}, "
-            f"{len(flight.control)} segments, {flight.length:.4f} m"
+            f"{flight.policy} on {field.name}{changed}, seed {flight.seed}: "
+            f"{flight.outcome.sentence}, {len(flight.control)} segments, "
+            f"{flight.length:.4f} m"
         )
         terminal.note(f"wrote {frames} frames to {options.out}")
 

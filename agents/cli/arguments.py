@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 from ferguson_gym.runtime import did_you_mean
 from ferguson_gym.runtime.atomic_files import unwritable
 from ferguson_gym.world.field_names import family
+from ferguson_gym.world.limits import check_names
 from ferguson_gym.world.suites import LAST_SEED
 
 BAD_INPUT = 2
@@ -152,6 +153,23 @@ def metres(text: str) -> float:
         return float(text)
     except ValueError:
         raise argparse.ArgumentTypeError(f"need a number of metres, got {text!r}") from None
+
+
+def limit(text: str) -> tuple[str, float]:
+    """NAME=VALUE of a field's limit."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        raise argparse.ArgumentTypeError(
+            f"a limit is NAME=VALUE, for example longest=30, got {text!r}"
+        )
+    try:
+        check_names([name])
+        return name, float(value)
+    except ValueError as error:
+        known = str(error).startswith("unknown limit")
+        raise argparse.ArgumentTypeError(
+            str(error) if known else f"limit {name} is a number, got {value!r}"
+        ) from None
 
 
 def spacing(text: str) -> float:

@@ -83,7 +83,7 @@ def _add_planners(planners: Parser) -> None:
     several = f"{', '.join(PLANNERS)}; may be given several times; default: all that are installed"
     shared.add_planner(planners, "--planner", action="append", help=f"a planner: {several}")
     shared.add_seeds(planners, "planner seeds")
-    shared.add_inflate(planners)
+    shared.add_field_changes(planners)
     planners.add_argument(
         "--seconds",
         type=duration,
@@ -102,7 +102,7 @@ def _add_planners(planners: Parser) -> None:
 def _add_solvers(solvers: Parser) -> None:
     fields = f"fields whose windows are solved, in order; default: {_FIELDS}"
     shared.add_fields(solvers, fields, required=False)
-    shared.add_inflate(solvers)
+    shared.add_field_changes(solvers)
     shared.add_count(solvers, "--windows", 200, "number of windows")
     solvers.add_argument(
         "--ipopt-every",
@@ -146,7 +146,8 @@ def _prepare_planners(options: argparse.Namespace, terminal: Terminal) -> Job:
     names = options.planner or list(PLANNERS)
     check_number(options.fields, _MOST, options.seeds, len(names))
     named = (field for spec in options.fields for field in get_fields(spec))
-    fields = [field.inflated(options.inflate) for field in named]
+    changes = shared.field_changes(options)
+    fields = [changes.apply(field) for field in named]
     for field in fields:
         initial_state(field)
     refuse_twice("field", [field.name for field in fields])
@@ -164,7 +165,7 @@ def _prepare_planners(options: argparse.Namespace, terminal: Terminal) -> Job:
         seeds=options.seeds,
         seconds=options.seconds,
         workers=options.workers,
-        inflate=options.inflate,
+        changes=changes,
     )
 
     def job() -> None:
@@ -195,7 +196,7 @@ def _prepare_solvers(options: argparse.Namespace, terminal: Terminal) -> Job:
             f"IPOPT comes with CasADi: {installing('bench')}, or leave it out with --ipopt-every 0"
         )
     named = (field for spec in options.fields or [_FIELDS] for field in get_fields(spec))
-    fields = (field.inflated(options.inflate) for field in named)
+    fields = map(shared.field_changes(options).apply, named)
     tasks = solvers.take_windows(multi_start(), fields, options.windows)
     return partial(solvers.bench, tasks, options.ipopt_every, options.out, terminal)
 

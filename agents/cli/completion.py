@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import sys
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import shtab
 
 from agents.models import shipped_agents
+from ferguson_gym.world.limits import Limits
 from ferguson_gym.world.suites import SPLITS, SUITES
 from planners import PLANNERS
 
@@ -42,6 +44,8 @@ POLICY = _words("_ferguson_policy_dir", [*PLANNERS, *shipped_agents.shipped()], 
 MODEL = _words("_ferguson_model_dir", shipped_agents.shipped(), "d")
 ONE_FIELD = _words("_ferguson_field", ["paper:1", *(f"{name}:0" for name in _DRAWN)], "f")
 FIELDS = _words("_ferguson_fields", ["paper:1-4", *(f"{name}:0-9" for name in _DRAWN)], "f")
+
+LIMIT = _words("_ferguson_limit", [f"{one.name}=" for one in dataclasses.fields(Limits)], "")
 
 
 def add_to(parser: argparse.ArgumentParser) -> None:

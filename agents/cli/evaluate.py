@@ -66,7 +66,7 @@ def add_to(evaluate: Parser) -> None:
     shared.add_fields(evaluate, "fields to fly, for example standard/validation:0-9 or files")
     shared.add_out(evaluate)
     shared.add_seeds(evaluate, "policy seeds")
-    shared.add_inflate(evaluate)
+    shared.add_field_changes(evaluate)
     evaluate.add_argument(
         "--workers", type=workers, metavar="N", help="number of worker processes; default: 1"
     )
@@ -114,13 +114,12 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     check_number(options.fields, MOST, options.seeds, len(options.policy))
     fields = [field for spec in options.fields for field in sources(spec)]
     refuse_twice("field", [name_of(field) for field in fields])
+    changes = shared.field_changes(options)
+    request = Request(policies=options.policy, fields=fields, seeds=options.seeds, changes=changes)
     for policy in options.policy:  # last, because loading an agent takes time
         make_policy(policy)
-    request = Request(
-        policies=options.policy, fields=fields, seeds=options.seeds, inflate=options.inflate
-    )
-    for source in fields if options.inflate else ():
-        request.field(source)  # raises if an obstacle swallows the start or the goal
+    for source in fields if changes else ():
+        request.field(source)  # raises if limits contradict each other, or obstacles hold an end
     files = [request.field(source) for source in fields if isinstance(source, Field)]
     drawn = next(([request.field(name)] for name in fields if isinstance(name, str)), [])
     for policy in options.policy:
@@ -171,6 +170,5 @@ def command(options: argparse.Namespace) -> str:
     for name, values in (("--policy", options.policy), ("--fields", options.fields)):
         words += [word for value in values for word in (name, value)]
     words += ["--seeds", numbers]
-    words += ["--inflate", f"{options.inflate:g}"] if options.inflate else []
-    words += ["--out", str(options.out)]
+    words += [*shared.field_changes(options).words(), "--out", str(options.out)]
     return shlex.join(words)

@@ -24,6 +24,7 @@ EPILOG = """\
 examples:
   ferguson plan paper:2 --planner multi-start --plot flight.png
   ferguson plan my_field.json --planner shortest --inflate 0.3
+  ferguson plan paper:1 --planner guided --limit longest=30 --limit gate=1
   ferguson plan traps/train:1 --planner guided --sensing-range 20
   ferguson plan standard/test:3 --planner multi-start --start-from best
   ferguson plan paper:1 --planner guided --json
@@ -36,7 +37,7 @@ def add_to(plan: Parser) -> None:
     shared.add_field(plan)
     shared.add_planner(plan, "--planner", required=True)
     shared.add_seed(plan, "seed of the planner")
-    shared.add_inflate(plan)
+    shared.add_field_changes(plan)
     plan.add_argument(
         "--sensing-range",
         type=metres,
@@ -128,7 +129,8 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     planner = make_planner(spec)  # raises if an option does not fit
     if options.deadline is not None:
         check_deadline(planner, name)
-    field = get_field(options.field).inflated(options.inflate)
+    changes = shared.field_changes(options)
+    field = changes.apply(get_field(options.field))
     initial_state(field)  # raises if no flight can begin
     spec.check(field)
     if options.plot is not None:
@@ -153,7 +155,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
                 *(planner, name, field, options.seed),
                 reference=options.reference,
                 deadline=options.deadline,
-                inflate=options.inflate,
+                changes=changes,
             )
         if options.json:
             terminal.show_json(report.to_json())

@@ -6,13 +6,14 @@ import json
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 from rich.table import Table
 
 from agents.flights import Flight
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.flights.metrics import finite
 from agents.flights.path_file import write_path
 from agents.plots.flight_grid import draw_flights
@@ -39,8 +40,8 @@ class Report:
     """Whether the plan is compared with the field's shortest path."""
     deadline: float | None = None
     """Time for planning [s]; None: no limit."""
-    inflate: float = 0.0
-    """By how much the obstacles of the field were grown [m]."""
+    changes: FieldChanges = UNCHANGED
+    """How the field was changed before it was planned."""
 
     @property
     def message(self) -> str:
@@ -100,7 +101,8 @@ class Report:
                 "message": self.message,
                 "to_goal": self._to_goal(),
                 "evaluations": plan.evaluations,
-                "inflate": self.inflate,
+                "inflate": self.changes.inflate,
+                "limits": asdict(self.field.limits),
                 "route_length": None if plan.route is None else plan.route.length,
             },
             allow_nan=False,
@@ -118,8 +120,8 @@ class Report:
             yield terminal_tables.windows(self.plan.decisions)
         if self.plan.route is not None:
             yield format_route(self.plan.route, flight.exact_length)
-        inflated = f" inflated by {self.inflate:g} m" if self.inflate else ""
-        yield f"{self.name} on {self.field.name}{inflated}, seed {self.seed}: {self.message}"
+        changed = f" with {self.changes}" if self.changes else ""
+        yield f"{self.name} on {self.field.name}{changed}, seed {self.seed}: {self.message}"
         number = len(flight.control)
         facts = [f"{number} segment{'s' * (number != 1)}"]
         if number:
@@ -193,7 +195,7 @@ def plan(
     *,
     reference: bool = True,
     deadline: float | None = None,
-    inflate: float = 0.0,
+    changes: FieldChanges = UNCHANGED,
 ) -> Report:
     """Plan a field from its start, unless no flight can reach its goal.
 
@@ -204,7 +206,7 @@ def plan(
         seed: of the planner's random numbers.
         reference: whether to compare the plan with the shortest path.
         deadline: as in `planners.deadline.plan_within`; None: no limit.
-        inflate: by how much the obstacles of the field were grown [m], for the report.
+        changes: how the field was changed before, for the report.
     """
     state = initial_state(field)
     unreachable = unreachable_plan(field, exact=reference)
@@ -224,5 +226,5 @@ def plan(
         wall_seconds=seconds,
         reference=reference,
         deadline=deadline,
-        inflate=inflate,
+        changes=changes,
     )

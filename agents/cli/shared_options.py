@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from agents.cli.arguments import Parser, directory, metres, positive, seed, seeds, workers
-from agents.cli.completion import DIRECTORY, FIELDS, ONE_FIELD, PLANNER
+from agents.cli.arguments import Parser, directory, limit, metres, positive, seed, seeds, workers
+from agents.cli.completion import DIRECTORY, FIELDS, LIMIT, ONE_FIELD, PLANNER
 from agents.runtime.terminal import Terminal
 from ferguson_gym.simulation.observations import KINDS
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.world import Field
+from ferguson_gym.world import Field, Limits
 from planners.registry import OPTIONS, PLANNERS
+
+if TYPE_CHECKING:
+    from agents.flights.field_changes import FieldChanges
 
 RESUME_NOTE = "ferguson: run the same command again to resume"
 """Printed when a command that can be resumed is interrupted."""
@@ -36,8 +40,8 @@ def add_fields(command: Parser, text: str, *, required: bool = True) -> None:
     )
 
 
-def add_inflate(command: Parser) -> None:
-    """Add `--inflate`."""
+def add_field_changes(command: Parser) -> None:
+    """Add `--inflate` and `--limit`; `field_changes` reads them."""
     command.add_argument(
         "--inflate",
         type=metres,
@@ -46,6 +50,29 @@ def add_inflate(command: Parser) -> None:
         help="grow all obstacles by the vehicle's radius, for planners and shortest paths alike; "
         "default: 0",
     )
+    names = [one.name for one in dataclasses.fields(Limits)]
+    command.add_argument(
+        "--limit",
+        type=limit,
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help=f"change a limit of all fields: {', '.join(names)}; another longest also scales "
+        "shortest, slowest, gate and tolerance; may be given several times; default: the fields' "
+        "own limits",
+        complete=LIMIT,
+    )
+
+
+def field_changes(options: argparse.Namespace) -> FieldChanges:
+    """The changes that options ask for.
+
+    Raises:
+        ValueError: as `FieldChanges`.
+    """
+    from agents.flights.field_changes import FieldChanges
+
+    return FieldChanges(inflate=options.inflate, limits=tuple(options.limit))
 
 
 def note_touching(fields: Iterable[Field], terminal: Terminal) -> None:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from agents.evaluation import provenance
 from agents.evaluation.request import Chunk, Request, Source, field_of, is_batched
 from agents.flights import Flight, fly
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.flights.flight_table import Columns, columns_of
 from agents.policies import PolicySpec
 from agents.runtime.interrupts import raise_if_interrupted
@@ -34,8 +35,8 @@ class Task:
     """Field and seed of each."""
     drawn: Sequence[bool]
     """Whether each appears in a picture."""
-    inflate: float = 0.0
-    """By how much all obstacles are grown [m]."""
+    changes: FieldChanges = UNCHANGED
+    """Of all fields."""
     batch: int | None = None
     """Flights of an agent at a time; None: `agents.flights.batched.BATCH`."""
 
@@ -61,7 +62,7 @@ def task_of(request: Request, chunk: Chunk, batch: int | None = None) -> Task:
         policy=chunk.policy,
         flights=[request.flight(k) for k in numbers],
         drawn=[k in shown for k in numbers],
-        inflate=request.inflate,
+        changes=request.changes,
         batch=batch,
     )
 
@@ -104,7 +105,7 @@ def _fly(task: Task) -> Columns:
 def _fly_one_by_one(task: Task) -> list[Flight]:
     flights = []
     for source, seed in task.flights:
-        field = field_of(source, task.inflate)
+        field = field_of(source, task.changes)
         try:
             flights.append(fly(task.policy, field, seed))
         except Exception as error:
@@ -124,6 +125,6 @@ def _fly_batch(task: Task) -> list[Flight]:
         raise ValueError(f"no agent {task.policy!r} on the machine of this worker")
     model = network_policy(place).model
     fly_batch(model, [small_field()])  # compiles what the first batch needs, outside the timing
-    fields = [field_of(source, task.inflate) for source, _ in task.flights]
+    fields = [field_of(source, task.changes) for source, _ in task.flights]
     flights = fly_batch(model, fields, task.batch or BATCH, name=task.policy)
     return [replace(one, seed=seed) for one, (_, seed) in zip(flights, task.flights, strict=True)]

@@ -13,6 +13,7 @@ from itertools import groupby
 from typing import Any
 
 from agents.evaluation import provenance
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.policies import PolicySpec
 from ferguson_gym.world import Field, get_field
 
@@ -28,10 +29,10 @@ def name_of(source: Source) -> str:
     return source if isinstance(source, str) else source.name
 
 
-def field_of(source: Source, inflate: float = 0.0) -> Field:
-    """The field itself, with obstacles grown by some metres."""
+def field_of(source: Source, changes: FieldChanges) -> Field:
+    """The field itself, changed."""
     field = get_field(source) if isinstance(source, str) else source
-    return field.inflated(inflate)
+    return changes.apply(field)
 
 
 def is_batched(policy: str) -> bool:
@@ -65,8 +66,8 @@ class Request:
     fields: Sequence[Source]
     seeds: Sequence[int]
     """Policy seeds."""
-    inflate: float = 0.0
-    """By how much all obstacles are grown [m]."""
+    changes: FieldChanges = UNCHANGED
+    """Of all fields."""
     chunk: int | None = None
     """Flights in a chunk; None: `BATCHED` or `PLANNED`. No flight depends on it."""
     software: Mapping[str, Any] = field(default_factory=provenance.software)
@@ -89,7 +90,7 @@ class Request:
 
     def field(self, source: Source) -> Field:
         """A field as it is flown."""
-        return field_of(source, self.inflate)
+        return field_of(source, self.changes)
 
     def flight(self, index: int) -> tuple[Source, int]:
         """Field and seed of a flight, by its index among the flights of a policy."""
@@ -115,7 +116,7 @@ class Request:
             "policies": {policy: provenance.models(policy) for policy in self.policies},
             "fields": spans([name_of(source) for source in self.fields]),
             "files": {one.name: provenance.hash_field(one) for one in given},
-            "inflate": self.inflate,
+            **self.changes.as_json(),
             "seeds": spans([f":{seed}" for seed in self.seeds]),
             "chunk": self.chunk or [PLANNED, BATCHED],
             **self.software,

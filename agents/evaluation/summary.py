@@ -68,14 +68,14 @@ def on_paper(flights: FlightTable) -> list[dict[str, Any]]:
 def unreachable(request: Request, flights: FlightTable) -> list[dict[str, str]]:
     """The fields whose goal no flight can reach, each with a status and a message: JSON values.
 
-    Among drawn fields, which have the default limits, only those without a shortest path to
-    compare with are looked at.
+    Among drawn fields with the default limits, only those without a shortest path to compare with
+    are looked at.
     """
     exact = flights.grid(flights["exact_length"])[0, :, 0]
     found = []
     for source, length in zip(request.fields, exact.tolist(), strict=True):
         known = not math.isnan(length)
-        if known and isinstance(source, str):
+        if known and isinstance(source, str) and not request.changes.limits:
             continue
         field = request.field(source)
         why = why_unreachable(field, length if known else exact_length(field))

@@ -10,6 +10,7 @@ from rich.text import Text
 
 from agents.evaluation.statistics import caution
 from agents.evaluation.summary import timed
+from agents.flights.field_changes import FieldChanges
 from agents.runtime.terminal_tables import NONE, decimal, empty_table
 from ferguson_gym.world import Outcome
 from ferguson_gym.world.paper_fields import TABLE_I
@@ -27,7 +28,7 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     found = {**found, "policies": timed(found["policies"], summary["policies"])}
     yield policies(found)
     remarks = [
-        *inflation(summary),
+        *changes(summary),
         *failures(found),
         *beyond_reach(summary.get("unreachable", ())),
         *without_gap(found),
@@ -91,10 +92,10 @@ def failures(found: Mapping[str, Any]) -> Iterator[str]:
             yield f"{one['policy']} failed {sum(causes.values())} of {one['flights']}: {listed}"
 
 
-def inflation(summary: Mapping[str, Any]) -> Iterator[str]:
-    """A sentence on how much obstacles were grown, if they were."""
-    if inflate := summary.get("configuration", {}).get("inflate"):
-        yield f"all obstacles are inflated by {inflate:g} m, for shortest paths, too"
+def changes(summary: Mapping[str, Any]) -> Iterator[str]:
+    """A sentence on how fields were changed, if they were."""
+    if made := FieldChanges.of_json(summary.get("configuration", {})):
+        yield f"all fields are changed, and their shortest paths with them: {made}"
 
 
 def beyond_reach(fields: Sequence[Mapping[str, Any]]) -> Iterator[str]:

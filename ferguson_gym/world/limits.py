@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, NamedTuple
 
@@ -92,7 +92,7 @@ class Limits:
             if int(self.segments) != self.segments:
                 raise ValueError(f"limit segments must be a whole number, got {self.segments}")
             if self.segments < 1:
-                raise ValueError(f"a flight needs at least 1 segment, got {self.segments}")
+                raise ValueError(f"a flight needs at least 1 segment, got {self.segments:g}")
             object.__setattr__(self, "segments", int(self.segments))
 
     @classmethod
@@ -109,11 +109,7 @@ class Limits:
                 f"limits are names with values, for example {{'longest': 150}}, "
                 f"got {truncate_repr(given)}"
             )
-        names = [field.name for field in fields(cls)]
-        for name in given:
-            if name not in names:
-                near = did_you_mean(str(name), names)
-                raise ValueError(f"unknown limit {name!r}{near}; limits are {', '.join(names)}")
+        check_names(given)
         return cls(**given)
 
     @property
@@ -162,6 +158,19 @@ class Limits:
             float(self.tolerance),
             int(self.segments),
         )
+
+
+def check_names(given: Iterable[object]) -> None:
+    """Refuse names that are not those of limits.
+
+    Raises:
+        ValueError: an unknown name; the message has the known ones.
+    """
+    known = [field.name for field in fields(Limits)]
+    for name in given:
+        if name not in known:
+            near = did_you_mean(str(name), known)
+            raise ValueError(f"unknown limit {name!r}{near}; limits are {', '.join(known)}")
 
 
 PAPER_LIMITS = Limits(segments=FEWEST)

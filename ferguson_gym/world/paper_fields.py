@@ -113,7 +113,10 @@ TABLE_I: dict[tuple[str, str], TableRow] = {
 
 
 def is_from_paper(field: Field) -> bool:
-    """Whether a field is the paper's field of that name; a JSON file may have the same name."""
+    """Whether a field is the paper's field of that name, with its limits.
+
+    A JSON file may have the same name.
+    """
     family, _, number = field.name.partition(":")
     known = family == "paper" and number in map(str, FIELDS)
     if not known or not isinstance(field.obstacles, Discs):
@@ -127,4 +130,5 @@ def is_from_paper(field: Field) -> bool:
         (field.goal, own.goal),
         (field.bounds, own.bounds),
     )
-    return all(np.array_equal(given, paper) for given, paper in pairs)
+    same = all(np.array_equal(given, paper) for given, paper in pairs)
+    return same and field.limits == own.limits

@@ -18,6 +18,7 @@ from rich.text import Text
 from agents.benchmarks.planners import ompl_log, plots
 from agents.benchmarks.planners.runs import FALSE_SUCCESS, LIBRARIES, Run, runs
 from agents.flights import metrics
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.runtime import provenance, terminal_tables
 from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
@@ -47,8 +48,8 @@ class Request:
     seconds: float | None
     """Search time of planners with a budget [s]; None: their own budgets."""
     workers: int
-    inflate: float = 0.0
-    """By how much the obstacles were grown [m], for the record."""
+    changes: FieldChanges = UNCHANGED
+    """How the fields were changed, for the record."""
 
 
 def bench(request: Request, out: Path, terminal: Terminal) -> list[Run]:
@@ -109,7 +110,7 @@ def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
     return {
         "fields": [field.name for field in request.fields],
         "seeds": list(request.seeds),
-        "inflate": request.inflate,
+        **request.changes.as_json(),
         "budget_seconds": request.seconds,
         "workers": request.workers,
         "left_out": dict(request.left_out),
@@ -162,12 +163,12 @@ def _quantile(values: Sequence[float], share: float) -> float | None:
 
 def table(report: Mapping[str, Any]) -> Table:
     """A row for each planner."""
-    budget, inflate = report["budget_seconds"], report["inflate"]
+    budget, changes = report["budget_seconds"], FieldChanges.of_json(report)
     where = "where a planner searches on"
-    grown = f", obstacles inflated by {inflate:g} m" if inflate else ""
+    changed = f", {changes}" if changes else ""
     searched = "their own budgets" if budget is None else f"{budget:g} s {where}"
     rows = terminal_tables.empty_table(
-        f"Planners on the same {len(report['fields'])} fields{grown}, {searched}",
+        f"Planners on the same {len(report['fields'])} fields{changed}, {searched}",
         "planner",
         "solved",
         "95 % interval",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from agents.evaluation.report.svg import draw_chain, draw_field
 from agents.evaluation.results import Paths
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.flights.flight_table import FlightTable
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, Outcome
@@ -62,13 +63,13 @@ def browser(
     paths: Paths | None,
     fields: Mapping[str, Field],
     budget: int = BUDGET,
-    inflate: float = 0.0,
+    changes: FieldChanges = UNCHANGED,
 ) -> dict[str, Any]:
     """The data of the flight browser.
 
     Scenes with failures come first, then those with the largest gaps. Scenes beyond the budget
     [characters] are left out, and `note` says so. A field that is not in `fields` is drawn if its
-    name defines it; all are drawn with obstacles grown by `inflate` [m].
+    name defines it; all are drawn with their `changes`.
 
     Returns:
         `fields`, `scenes` (a field's index, a seed, runs), `total` scenes and `note`.
@@ -80,7 +81,7 @@ def browser(
         return {"fields": [], "scenes": [], "total": 0, "note": _NO_PATHS}
     scenes = _scenes(flights)
     ranking = _rank(flights, list(scenes))
-    drawn_fields, chosen = _choose(flights, paths, fields, scenes, ranking, budget, inflate)
+    drawn_fields, chosen = _choose(flights, paths, fields, scenes, ranking, budget, changes)
     order = [scene for scene in ranking.failing if scene in chosen]
     failing = set(order)
     order += [scene for scene in ranking.by_gap if scene in chosen and scene not in failing]
@@ -114,7 +115,7 @@ def _choose(
     scenes: Mapping[Scene, NDArray[np.int64]],
     ranking: Ranking,
     budget: int,
-    inflate: float,
+    changes: FieldChanges,
 ) -> tuple[dict[int, dict[str, Any]], dict[Scene, list[dict[str, Any]]]]:
     """Drawings of the fields by index, and of the flights by scene, that fit into the budget."""
     possible = _at_most(paths.segments, scenes, ranking, budget)
@@ -126,7 +127,7 @@ def _choose(
         if used >= limit or scene in chosen:
             continue
         if scene.field not in drawn:
-            field = draw_field(flights.fields[scene.field], fields, inflate)
+            field = draw_field(flights.fields[scene.field], fields, changes)
             drawn[scene.field] = field
             used += 6 * len(field["discs"] or ()) + len(field["shortest"] or "") + 2 * _FLIGHT
         runs = [_run(flights, k, control[k]) for k in scenes[scene].tolist()]

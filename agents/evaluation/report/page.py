@@ -13,6 +13,7 @@ from agents.evaluation.report.flight_browser import BUDGET, browser
 from agents.evaluation.results import Paths, read_paths
 from agents.evaluation.statistics import caution, summary
 from agents.evaluation.summary import timed
+from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.flights.flight_table import FlightTable
 from ferguson_gym.runtime.arrays import LARGEST
 from ferguson_gym.runtime.atomic_files import atomic_write
@@ -83,7 +84,7 @@ def write_page(
         "statistics": found,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
         "provenance": dict(_flat("", provenance)),
-        "browser": browser(flights, paths, fields, budget, _inflation(provenance)),
+        "browser": browser(flights, paths, fields, budget, _changes(provenance)),
     }
     with atomic_write(path) as temporary:
         temporary.write_text(page(data), encoding="utf-8")
@@ -171,13 +172,13 @@ def _read_summary(path: Path) -> dict[str, Any]:
     return found
 
 
-def _inflation(summary: Mapping[str, Any]) -> float:
-    """By how much obstacles were grown [m]; 0 if the summary does not say so."""
+def _changes(summary: Mapping[str, Any]) -> FieldChanges:
+    """How fields were changed; not at all if the summary does not say so."""
     configuration = summary.get("configuration")
-    found = configuration.get("inflate") if isinstance(configuration, dict) else None
-    if isinstance(found, bool) or not isinstance(found, int | float):
-        return 0.0
-    return float(found) if 0.0 <= found <= LARGEST else 0.0
+    try:
+        return FieldChanges.of_json(configuration if isinstance(configuration, dict) else {})
+    except ValueError:  # malformed
+        return UNCHANGED
 
 
 def _of_policies(summary: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

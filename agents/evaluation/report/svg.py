@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from agents.flights.field_changes import FieldChanges
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import ShortestPath, shortest_path
 from ferguson_gym.svg.path_data import Whole, chain_data, pair, whole
@@ -32,14 +33,13 @@ def draw_shortest(path: ShortestPath) -> str:
     return "".join(parts)
 
 
-def draw_field(name: str, fields: Mapping[str, Field], inflate: float = 0.0) -> dict[str, Any]:
-    """Bounds, start, goal, discs and shortest path of a field, as far as they are known.
+def draw_field(name: str, fields: Mapping[str, Field], changes: FieldChanges) -> dict[str, Any]:
+    """Bounds, start, goal, discs and shortest path of a changed field, as far as they are known.
 
-    A field that is not in `fields` is drawn if its name defines it. Obstacles are grown by
-    `inflate` [m].
+    A field that is not in `fields` is drawn if its name defines it.
     """
     field = fields[name] if name in fields else _named(name)
-    field = None if field is None else field.inflated(inflate)
+    field = None if field is None else changes.apply(field)
     drawn: dict[str, Any] = {"name": name, "bounds": _centimetres(np.repeat(BOUNDS, 2)).tolist()}
     drawn |= dict.fromkeys(("start", "goal", "discs", "shortest"))
     if field is None or len(field.start) != 2:
