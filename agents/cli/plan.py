@@ -42,8 +42,8 @@ def add_to(plan: Parser) -> None:
         "--sensing-range",
         type=metres,
         metavar="R",
-        help="hide obstacles farther than R metres from the path flown so far; at least 15 "
-        "(single-start, multi-start, guided, pursuit)",
+        help="hide obstacles farther than R metres from the path flown so far; at least "
+        "the longest segment (single-start, multi-start, guided, pursuit)",
     )
     plan.add_argument(
         "--backtrack",

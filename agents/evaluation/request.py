@@ -29,7 +29,7 @@ def name_of(source: Source) -> str:
     return source if isinstance(source, str) else source.name
 
 
-def field_of(source: Source, changes: FieldChanges) -> Field:
+def field_of(source: Source, changes: FieldChanges = UNCHANGED) -> Field:
     """The field itself, changed."""
     field = get_field(source) if isinstance(source, str) else source
     return changes.apply(field)

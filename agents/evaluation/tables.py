@@ -95,7 +95,7 @@ def failures(found: Mapping[str, Any]) -> Iterator[str]:
 def changes(summary: Mapping[str, Any]) -> Iterator[str]:
     """A sentence on how fields were changed, if they were."""
     if made := FieldChanges.of_json(summary.get("configuration", {})):
-        yield f"all fields are changed, and their shortest paths with them: {made}"
+        yield f"changes to all fields, also for their shortest paths: {made}"
 
 
 def beyond_reach(fields: Sequence[Mapping[str, Any]]) -> Iterator[str]:

@@ -79,12 +79,15 @@ def write_page(
             "With a time limit, so their flights are not exactly reproducible: "
             f"{', '.join(clocked)}."
         )
+    changes = _changes(provenance)
+    if changes:
+        lines["sentences"].append(f"Changes to all fields, also for shortest paths: {changes}.")
     data = {
         "headline": lines,
         "statistics": found,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
         "provenance": dict(_flat("", provenance)),
-        "browser": browser(flights, paths, fields, budget, _changes(provenance)),
+        "browser": browser(flights, paths, fields, budget, changes),
     }
     with atomic_write(path) as temporary:
         temporary.write_text(page(data), encoding="utf-8")

@@ -56,6 +56,7 @@ def test_bash_accepts_the_script(script: Path) -> None:
         ("train dag", ["dagger"]),
         ("train ppo --from dagger-", ["dagger-ppo"]),
         ("demos --observation ", ["both", "discs", "rays"]),
+        ("plan paper:1 --limit s", ["segments=", "shortest=", "slowest="]),
         ("bench planners --planner rrt", ["rrt", "rrt-star"]),
     ],
 )

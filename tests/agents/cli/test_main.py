@@ -39,6 +39,7 @@ JSON_KEYS = [
     "to_goal",
     "evaluations",
     "inflate",
+    "limits",
     "route_length",
 ]
 

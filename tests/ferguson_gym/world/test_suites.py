@@ -88,6 +88,7 @@ def test_a_field_is_the_papers_by_its_content_not_by_its_name_alone():
         Field(name="paper:1", obstacles=Discs(own.centers, other.radii)),
         Field(name="paper:1", obstacles=own, goal=np.array([20.0, 0.0])),
         Field(name="paper:2", obstacles=own),
+        paper_field(1).with_limits(longest=30),
         Field(name="paper:5", obstacles=own),
         Field(name="paper", obstacles=own),
         suite_field("standard", "train", 0),
