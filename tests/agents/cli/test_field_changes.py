@@ -122,21 +122,22 @@ def test_an_evaluation_within_other_limits(
     to_json(get_field("sparse/train:7").with_limits(longest=12), town)
     fields = ["--fields", "paper:2", "--fields", "sparse/train:0-1", "--fields", str(town)]
     command = ["evaluate", "--policy", "pursuit", *fields, "--out", str(out)]
-    limits = ["--limit", "longest=30", "--limit", "segments=4"]
+    limits = ["--limit", "longest=30", "--limit", "segments=12"]
     assert main([*command, *limits]) == 0
     printed = capsys.readouterr().out
-    assert "also for their shortest paths: longest 30 m, segments 4\n" in printed
-    assert "4 segments of at most 30 m fly 120 m" in printed
+    assert "also for their shortest paths: longest 30 m, segments 12\n" in printed
     assert "Table I" not in printed
     flown = read_paths(out / "paths.npz", 4)
     assert max(length(one).max() for one in flown.control(range(4)).values()) > 13.0  # else 7
     summary = json.loads((out / "summary.json").read_text())
-    assert summary["configuration"]["limits"] == {"longest": 30.0, "segments": 4.0}
-    assert "--limit longest=30 --limit segments=4" in summary["command"]
+    assert summary["configuration"]["limits"] == {"longest": 30.0, "segments": 12.0}
+    assert "--limit longest=30 --limit segments=12" in summary["command"]
     assert main(["evaluate", *summary["command"].split()[2:]]) == 0
     assert "holds these results already" in capsys.readouterr().err
     assert main(command) == 2
     assert "limits.longest was 30.0, now null" in capsys.readouterr().err
+    assert main([*command, "--limit", "segments=9", "--fresh"]) == 0
+    assert "sparse/train:1: the limits allow no path to the goal" in capsys.readouterr().out
 
 
 def test_other_commands_within_other_limits(

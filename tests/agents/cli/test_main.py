@@ -92,8 +92,8 @@ def test_a_plan_with_options_says_so(capsys: pytest.CaptureFixture[str]) -> None
 @pytest.mark.parametrize(
     ("options", "told"),
     [
-        (["guided", "--sensing-range", "0"], "the longest segment, 15 m, got 0 m"),
-        (["guided", "--sensing-range", "14.5"], "the longest segment, 15 m, got 14.5 m"),
+        (["guided", "--sensing-range", "0"], "a sensing range must be above 0 m, got 0 m"),
+        (["guided", "--sensing-range", "14.5"], "segment, 15 m in field paper:1, got 14.5 m"),
         (["guided", "--sensing-range", "far"], "need a number of metres, got 'far'"),
         (["shortest", "--sensing-range", "20"], "'shortest' plans its whole path at once"),
         (["astar", "--backtrack"], "'astar' plans its whole path at once"),

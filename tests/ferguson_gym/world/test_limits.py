@@ -72,7 +72,7 @@ def test_a_default_number_of_segments_stays_the_default() -> None:
 @pytest.mark.parametrize(
     ("limits", "message"),
     [
-        ({"longst": 20.0}, r"unknown limit 'longst' \(did you mean 'longest'\?\)"),
+        ({"longets": 20.0}, r"unknown limit 'longets' \(did you mean 'longest'\?\)"),
         ({"longest": "20"}, "limit longest must be a number, got '20'"),
         ({"longest": 2.0, "shortest": 3.0}, "need 0 < shortest < longest"),
         (15.0, "limits are names with values, for example .*, got 15.0"),
