@@ -13,6 +13,8 @@ from planners.interface import Plan, Status, initial_state
 
 _ROUNDING = 1e-6
 """Relative amount by which a flight may be shorter than the shortest path, within the tolerance."""
+_AHEAD = 0.3
+"""Distance ahead of the start within which an obstacle is close [units of the field]."""
 _UNEXPLAINED = (Status.STUCK, Status.NO_ROUTE, Status.NOT_FITTED, Status.OUT_OF_SEGMENTS)
 """Failures that say nothing about whether other planners would succeed."""
 
@@ -76,18 +78,27 @@ def explained(plan: Plan, field: Field) -> Plan:
 
 
 def start_hint(field: Field) -> str:
-    """Why no segment can leave the start of a field; empty if its derivative is not the cause.
+    """Why no segment may leave the start of a field; empty if its derivative is not the cause.
 
-    A segment that begins on an obstacle's boundary and heads into the obstacle cuts into it.
+    A segment that begins on an obstacle's boundary and heads into the obstacle cuts into it, and
+    one that heads into an obstacle close ahead can hardly turn away in time.
     """
     if len(field.obstacles) == 0:
         return ""
     distance = field.obstacles.signed_distance(field.start)
     inwards = field.obstacles.gradient(field.start) @ field.departure < 0.0
     blocking = np.flatnonzero((distance <= field.limits.tolerance) & inwards)
-    if len(blocking) == 0:
-        return ""
+    if len(blocking):
+        where = f"the start touches obstacle {blocking[0]}"
+    else:
+        ahead = _AHEAD * field.limits.unit * field.departure / np.linalg.norm(field.departure)
+        straight = np.stack([field.start, field.start + ahead, ahead, ahead])
+        clearance, _ = field.obstacles.closest(straight)
+        if clearance.min() >= -field.limits.tolerance:
+            return ""
+        nearest = int(clearance.argmin())
+        where = f"obstacle {nearest} is {distance[nearest]:.2g} m from the start"
     return (
-        f"the start touches obstacle {blocking[0]}, and the start derivative heads into it; give "
-        "the field a start_derivative that leads away from the obstacle"
+        f"{where}, and the start derivative heads into it; give the field a start_derivative that "
+        "leads away from the obstacle"
     )

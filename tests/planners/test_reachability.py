@@ -85,3 +85,15 @@ def test_a_start_that_heads_into_a_disc_is_named() -> None:
     assert planners.plan(away).success
     assert start_hint(straight(100.0)) == ""
     assert len(initial_state(field).tail) == 0
+
+
+def test_a_start_close_to_an_obstacle_ahead_gets_a_hint() -> None:
+    ahead = Discs([[1.0, 1.0]], [np.sqrt(2.0) - 0.2])
+    hint = start_hint(Field(name="close", obstacles=ahead))
+    assert hint.startswith(
+        "obstacle 0 is 0.2 m from the start, and the start derivative heads into"
+    )
+    aside = Discs([[1.0, -1.0]], [np.sqrt(2.0) - 0.2])
+    assert start_hint(Field(name="aside", obstacles=aside)) == ""
+    farther = Discs([[2.0, 2.0]], [2.0 * np.sqrt(2.0) - 0.5])
+    assert start_hint(Field(name="farther", obstacles=farther)) == ""
