@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
 from ferguson_gym.world import Discs, is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
 from planners.interface import Decision, Replanner, State, WindowReport
+from planners.receding_horizon.gaps import least_gaps
 from planners.receding_horizon.guided import Guided, is_tight
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep
@@ -135,38 +135,11 @@ def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
     """
     discs = planar_discs(field)
     # wider gaps leave room for the whole margin
-    nearest = _least_gaps(discs.centers, discs.radii, narrowest, margin / _SHARE * (1.0 + 1e-9))
+    nearest = least_gaps(discs.centers, discs.radii, narrowest, margin / _SHARE * (1.0 + 1e-9))
     room = discs.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
     most = np.minimum(_SHARE * nearest, room - _OUTSIDE)
     margins = np.clip(most, 0.0, margin)
     return Surroundings(margins, DistanceToGoal(replace(field, obstacles=discs.grown(margins))))
-
-
-@compiled
-def _least_gaps(centers: Array, radii: Array, narrowest: float, widest: float) -> Array:
-    """Width (n,) of the narrowest gap beside each disc, of those in a range [m]; or infinity.
-
-    Discs are swept in the order of their left ends, so that only those that the same vertical line
-    nearly meets are compared. A gap narrower than the range is closed with or without a margin.
-    """
-    left = centers[:, 0] - radii
-    order = np.argsort(left)
-    least = np.full(len(radii), np.inf)
-    for place in range(len(order)):
-        i = order[place]
-        for k in range(place + 1, len(order)):
-            j = order[k]
-            if left[j] > centers[i, 0] + radii[i] + widest:
-                break
-            dx, dy = centers[i, 0] - centers[j, 0], centers[i, 1] - centers[j, 1]
-            apart = np.sqrt(dx * dx + dy * dy)
-            # both orders of subtraction, whose rounding differs
-            one, other = apart - radii[i] - radii[j], apart - radii[j] - radii[i]
-            if narrowest <= one < least[i]:
-                least[i] = one
-            if narrowest <= other < least[j]:
-                least[j] = other
-    return least
 
 
 def _outside(field: Field, position: Array) -> Array | None:

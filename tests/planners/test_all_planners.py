@@ -66,7 +66,7 @@ def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
     [
         {"bounds": [0, 100], "start_derivative": [-1, 0]},
         {"start": [-10, 50], "start_derivative": [-5, 0]},
-        {"start_derivative": [400, 400]},
+        {"start_derivative": [46, 46]},
         {"start_derivative": [-0.1, 0.0]},
     ],
 )

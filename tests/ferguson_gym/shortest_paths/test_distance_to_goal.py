@@ -168,7 +168,8 @@ def test_points_beyond_the_tolerance_are_not() -> None:
         assert togo.path(point) is None
     beside = togo([[-10.0 - 9e-6, 5.0], [5.0, 110.0 + 9e-6], [-10.0, -10.0], [110.0, 110.0]])[0]
     assert np.isfinite(beside).all()
-    assert np.isfinite(DistanceToGoal(DISC, tolerance=1.0)([[50.0, 30.5], [110.5, 5.0]])[0]).all()
+    coarse = DISC.with_limits(tolerance=1.0, slowest=2.0)
+    assert np.isfinite(DistanceToGoal(coarse)([[50.0, 30.5], [110.5, 5.0]])[0]).all()
 
 
 def test_in_a_notch_within_the_tolerance_of_two_discs() -> None:
