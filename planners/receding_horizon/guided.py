@@ -14,6 +14,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -44,6 +45,8 @@ from planners.whole_path.route_fit import CLOSE
 _TURN = 0.1
 """Excess that the turn from the vehicle's heading into the shortest path needs, by measurement: in
 multiples of |X'| (1 - cos of the angle)."""
+_TURNS, _TURNS_BY = 2, 0.02
+"""Number of turns of a slalom within a window, and the least angle [rad] of one that counts."""
 _AHEAD = 3.0
 """Length of the part of a path to whose turns guesses are aligned, in longest segments."""
 _MOST_TURN = 0.04
@@ -143,8 +146,10 @@ class Guided(StepByStep):
             if best is not None:
                 break
         bound = _Bound.of(field, state)
-        if best is None or bound.excess(best) > CLOSE:
-            for start in self._aligned_starts(field, state):
+        if best is None or (bound.excess(best) > CLOSE and self._is_slalom(field, state)):
+            # entries beside the route take long, and matter where nothing else leads on
+            tries = None if best is None else 1
+            for start in self._aligned_starts(field, state, tries):
                 other = self._attempt(field, state, start, tried, ends)
                 if other is None or (best is not None and other.objective >= best.objective):
                     continue
@@ -157,6 +162,16 @@ class Guided(StepByStep):
         # no window has a solution, but the rest of the last plan may still be feasible
         rest, first = self._remaining(field, state) or (None, None)
         return Decision(rest, _report(state, began, ends), tried, first_step=first)
+
+    def _is_slalom(self, field: Field, state: State) -> bool:
+        """Whether the shortest path turns so often that even segments may not follow it."""
+        path = distance_to_go(field).path(state.vehicle.position)
+        if path is None:
+            return False
+        chords = np.linalg.norm(np.diff(path.lines, axis=1)[:, 0], axis=1)
+        way = np.cumsum(chords[:-1] + path.radii * path.sweeps)
+        within = self.settings.segments * self.strides[0]
+        return int(np.count_nonzero(path.sweeps[way <= within] > _TURNS_BY)) >= _TURNS
 
     def _attempt(
         self,
@@ -177,8 +192,10 @@ class Guided(StepByStep):
             return None
         return _Choice(start, end, step)
 
-    def _aligned_starts(self, field: Field, state: State) -> Iterator[Start]:
+    def _aligned_starts(self, field: Field, state: State, tries: int | None) -> Iterator[Start]:
         """Windows whose guesses follow turns: the last plan extended, then the best classes.
+
+        Each has a number of `tries`, or all that there are.
 
         There are none with a minimum turn radius, which paths with such turns would violate.
         """
@@ -191,12 +208,14 @@ class Guided(StepByStep):
             end = transition.State(rest[-1, 1], rest[-1, 3], flown)
             path = distance_to_go(field).path(end.position)
             if path is not None and path.length >= field.limits.shortest:
-                yield from self._followed("extended plan", field, vehicle, rest, end, path)
+                yield from islice(
+                    self._followed("extended plan", field, vehicle, rest, end, path), tries
+                )
         for rank, path in self._class_paths(field, state):
             begun = np.empty((0, 4, 2))
-            yield from self._followed(
-                f"turns of class {rank}", field, vehicle, begun, vehicle, path
-            )
+            name = f"turns of class {rank}"
+            found = self._followed(name, field, vehicle, begun, vehicle, path)
+            yield from islice(found, tries)
 
     def _followed(
         self,
