@@ -2,7 +2,7 @@
 
 Nothing in the mathematics of flights knows metres. Planners and optimisers do know lengths, such as
 strides and tolerances; they are written for fields whose start is the origin and whose longest
-segment is 15 m. Any other field is transformed into such a field, and what was found there back.
+segment is 15 m. Any other field is mapped to such a field, and what is found there is mapped back.
 """
 
 from __future__ import annotations

@@ -107,6 +107,8 @@ class _Bound(NamedTuple):
 class Guided(StepByStep):
     """The paper's receding horizon, guided by the exact cost-to-go.
 
+    `strides` are those of fields of the paper's scale, see `planners.rescaling`.
+
     Raises:
         ValueError: a minimum turn radius that is not finite or not above the tolerance.
     """

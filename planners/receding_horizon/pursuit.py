@@ -54,6 +54,8 @@ class Surroundings(NamedTuple):
 class Pursuit(StepByStep):
     """A planner that pursues the shortest path at a distance from obstacles.
 
+    Lengths are those of fields of the paper's scale, see `planners.rescaling`.
+
     Raises:
         ValueError: a stride, a margin or a gap width that is not positive and finite.
     """
