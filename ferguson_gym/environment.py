@@ -192,8 +192,7 @@ class ObstacleField(gym.Env[Any, Action]):
     | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
     | `render_mode` | None | or human, rgb_array, rgb_array_list |
 
-    Without `gate` and `segments`, the limits of each field hold: 1 m and 40 segments in those of
-    the suites.
+    Without `gate` and `segments`, each field's limits hold: 1 m and 40 in those of the suites.
 
     ```python
     import gymnasium as gym
