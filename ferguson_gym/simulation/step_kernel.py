@@ -33,7 +33,7 @@ from ferguson_gym.simulation.step_buffers import (
 )
 from ferguson_gym.world.actions import Action, decode_into
 from ferguson_gym.world.feasibility import FLYING, first_failure
-from ferguson_gym.world.limits import LimitValues
+from ferguson_gym.world.limits import PAPER_LONGEST, LimitValues
 from ferguson_gym.world.outcome import Outcome
 
 GOAL_REACHED, OUT_OF_SEGMENTS = Outcome.GOAL_REACHED.code, Outcome.OUT_OF_SEGMENTS.code
@@ -78,7 +78,7 @@ def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
     limits = LimitValues(
         field.shortest, field.longest, field.slowest, flight.gate, field.tolerance, flight.most
     )
-    unit = limits.longest / 15.0
+    unit = limits.longest / PAPER_LONGEST
     decode_into(control, buffers.actions[i], position, flight.derivative, goal, flight.gate, unit)
     outcome, length, clearance = first_failure(
         control,
@@ -131,7 +131,7 @@ def _observe(
         flight.position,
         flight.derivative,
         1.0 - flight.segments / flight.most,
-        field.longest / 15.0,
+        field.longest / PAPER_LONGEST,
         field.goal,
         field.bounds,
         fields.discs[slot, :2],

@@ -9,7 +9,14 @@ from typing import Any, NamedTuple
 from ferguson_gym.runtime.arrays import finite, truncate_repr
 from ferguson_gym.runtime.suggestions import did_you_mean
 
-RATIOS = {"shortest": 3.0 / 15.0, "slowest": 0.1 / 15.0, "gate": 1.0 / 15.0, "tolerance": 1e-5 / 15}
+PAPER_LONGEST = 15.0
+"""The paper's longest segment [m], the default."""
+RATIOS = {
+    "shortest": 3.0 / PAPER_LONGEST,
+    "slowest": 0.1 / PAPER_LONGEST,
+    "gate": 1.0 / PAPER_LONGEST,
+    "tolerance": 1e-5 / PAPER_LONGEST,
+}
 """Ratios of limits to the longest segment: those of the paper, and ours where it has none."""
 DETOUR = 4.25
 """The default number of segments flies this many times the straight distance to the goal."""
@@ -56,7 +63,7 @@ class Limits:
     shortest: float = _BY_RATIO
     """Minimum arc length [m], by default 3 / 15 of `longest`. Excludes segments that hardly move,
     as in concave pockets."""
-    longest: float = 15.0
+    longest: float = PAPER_LONGEST
     """Maximum arc length [m]; a third of the planning horizon."""
     slowest: float = _BY_RATIO
     """Minimum |X'(t)| [m per unit t], by default 0.1 / 15 of `longest`. Excludes corners, where
@@ -118,7 +125,7 @@ class Limits:
 
         Lengths in the code that no field sets, for example strides, are multiples of it.
         """
-        return float(self.longest) / 15.0
+        return float(self.longest) / PAPER_LONGEST
 
     @property
     def steepest(self) -> float:

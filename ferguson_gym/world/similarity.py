@@ -14,7 +14,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.limits import PAPER_LIMITS
+from ferguson_gym.world.limits import PAPER_LONGEST
 from ferguson_gym.world.transition import State
 
 
@@ -65,7 +65,7 @@ class Similarity:
 def similarity(field: Field) -> Similarity | None:
     """The similarity of a field, cached by the field's identity; None if it is its own image."""
     limits = field.limits
-    if limits.longest == PAPER_LIMITS.longest and not field.start.any():
+    if limits.longest == PAPER_LONGEST and not field.start.any():
         return None
     scale = 1.0 / limits.unit
     image = replace(
@@ -77,7 +77,7 @@ def similarity(field: Field) -> Similarity | None:
         start_derivative=scale * field.departure,
         limits=replace(
             limits,
-            longest=PAPER_LIMITS.longest,
+            longest=PAPER_LONGEST,
             shortest=scale * limits.shortest,
             slowest=scale * limits.slowest,
             gate=scale * limits.gate,
