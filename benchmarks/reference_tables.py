@@ -18,6 +18,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from agents.policies.knowledge import grouped, labels
 from ferguson_gym.runtime.atomic_files import atomic_write
 
 KEPT = Path(__file__).parent.parent / "docs" / "results"
@@ -73,7 +74,9 @@ def kept(directory: Path) -> dict[str, Any]:
         ),
         "commit": summary["configuration"]["commit"],
         "versions": summary["configuration"]["versions"],
-        "policies": [{key: row[key] for key in FLOWN} for row in rows],
+        "policies": [
+            {key: row[key] for key in FLOWN} | {"knows": row.get("knows")} for row in rows
+        ],
     }
 
 
@@ -106,19 +109,27 @@ def tables(evaluations: Iterable[Mapping[str, Any]], timed: Mapping[str, Any]) -
 
 def _table(rows: Sequence[Mapping[str, Any]], timed: Mapping[str, Any]) -> str:
     lines = [f"| {' | '.join(COLUMNS)} |", f"| --- |{' ---: |' * (len(COLUMNS) - 1)}"]
-    for row in sorted(rows, key=lambda row: -float(row["spl"])):
-        cells = (
-            f"`{row['policy']}`",
-            f"{row['fields']:,}",
-            f"{_percent(row['success'])} % ({_percent(row['success_low'])} to "
-            f"{_percent(row['success_high'])})",
-            f"{row['spl']:.3f} ({row['spl_low']:.3f} to {row['spl_high']:.3f})",
-            _gap(row["gap_median"]),
-            _gap(row["gap_99"]),
-            _milliseconds(timed.get(row["policy"], {}).get("flight_seconds_median")),
-        )
-        lines.append(f"| {' | '.join(cells)} |")
+    # excerpts of older evaluations do not record what policies know
+    recorded = {row["policy"]: row.get("knows") for row in rows}
+    knows = labels(recorded, recorded)
+    ranked = sorted(rows, key=lambda row: -float(row["spl"]))
+    for heading, group in grouped(ranked, lambda row: knows[row["policy"]]):
+        lines.append(f"| **{heading}** |{' |' * (len(COLUMNS) - 1)}")
+        lines += [f"| {' | '.join(_cells(row, timed))} |" for row in group]
     return "\n".join(lines)
+
+
+def _cells(row: Mapping[str, Any], timed: Mapping[str, Any]) -> tuple[str, ...]:
+    return (
+        f"`{row['policy']}`",
+        f"{row['fields']:,}",
+        f"{_percent(row['success'])} % ({_percent(row['success_low'])} to "
+        f"{_percent(row['success_high'])})",
+        f"{row['spl']:.3f} ({row['spl_low']:.3f} to {row['spl_high']:.3f})",
+        _gap(row["gap_median"]),
+        _gap(row["gap_99"]),
+        _milliseconds(timed.get(row["policy"], {}).get("flight_seconds_median")),
+    )
 
 
 def _percent(share: float) -> str:

@@ -8,8 +8,8 @@ Run it from a checkout; it takes seconds:
 `Shooting` samples random chains of segments towards the goal, keeps the feasible ones and flies the
 first segment of the best: a receding horizon without an optimiser. It flies in the same environment
 as all planners, which refuses segments that are not certified along their whole length. The table
-shows successes and gaps to the field's shortest path, which is computed exactly.
-`docs/planners.md` describes the planners of the other rows.
+shows what each policy knows of the obstacles, successes, and gaps to the field's shortest path,
+which is computed exactly. `docs/planners.md` describes the planners of the other rows.
 """
 
 import argparse
@@ -22,7 +22,7 @@ from agents.flights import Flight, fly
 from agents.policies import Policy, make_policy, planner_policy
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.world import Field, get_fields, is_feasible
-from planners.interface import Decision, Plan, State, WindowReport
+from planners.interface import Decision, Knowledge, Plan, State, WindowReport, knowledge_of
 from planners.optimization.initial_guesses import catmull_rom
 from planners.rollout import ends_on_goal, remaining_plan, roll_out
 
@@ -30,6 +30,8 @@ from planners.rollout import ends_on_goal, remaining_plan, roll_out
 @dataclass(frozen=True)
 class Shooting:
     """Random chains towards the goal, of which the shortest feasible one is kept."""
+
+    knows = Knowledge.NEARBY  # it looks three segments ahead; without this line: the whole field
 
     chains: int = 1000
     turn: float = 0.8  # of each step against the one before, standard deviation [rad]
@@ -79,13 +81,14 @@ def compare(policies: dict[str, Policy], fields: list[Field]) -> list[Flight]:
     ]
 
 
-def row(flights: list[Flight]) -> str:
-    """A table row for one policy; gaps are over successful flights."""
+def row(flights: list[Flight], knows: Knowledge) -> str:
+    """A table row for one policy and what it knows; gaps are over successful flights."""
     gaps = [100.0 * flight.gap for flight in flights if flight.gap is not None]
     told = f"{np.median(gaps):12.2f} %{max(gaps):10.2f} %" if gaps else f"{'-':>14}{'-':>12}"
     arrived = sum(flight.success for flight in flights)
     milliseconds = 1e3 * np.median([flight.seconds for flight in flights])
-    return f"{flights[0].policy:18}{arrived:5}/{len(flights):<5}{told}{milliseconds:10.0f} ms"
+    name = f"{flights[0].policy:18}{knows.label:13}"
+    return f"{name}{arrived:5}/{len(flights):<5}{told}{milliseconds:10.0f} ms"
 
 
 def main(fields: str, beside: list[str]) -> None:
@@ -95,9 +98,9 @@ def main(fields: str, beside: list[str]) -> None:
         **{name: make_policy(name) for name in beside},
     }
     flights = compare(policies, list(get_fields(fields)))
-    print(f"{fields:20}arrived   gap, median     worst     a flight")
-    for name in policies:
-        print(row([flight for flight in flights if flight.policy == name]))
+    print(f"{fields:18}{'knows':15}arrived   gap, median     worst     a flight")
+    for name, policy in policies.items():
+        print(row([flight for flight in flights if flight.policy == name], knowledge_of(policy)))
 
 
 if __name__ == "__main__":

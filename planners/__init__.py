@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from planners.interface import Decision as Decision
+    from planners.interface import Knowledge as Knowledge
     from planners.interface import Plan as Plan
     from planners.interface import Planner as Planner
     from planners.interface import Replanner as Replanner
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from planners.registry import plan as plan
     from planners.registry import register as register
 else:  # hidden from type checkers, which would accept any attribute
-    _INTERFACE = ("Decision", "Plan", "Planner", "Replanner", "State", "Status")
+    _INTERFACE = ("Decision", "Knowledge", "Plan", "Planner", "Replanner", "State", "Status")
     _MODULES = dict.fromkeys(_INTERFACE, "planners.interface")
     _MODULES |= dict.fromkeys(("PLANNERS", "make", "plan", "register"), "planners.registry")
 

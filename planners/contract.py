@@ -16,7 +16,7 @@ from dataclasses import replace
 import numpy as np
 
 from ferguson_gym.world import Field, fly_segment, is_feasible
-from planners.interface import Plan, Planner, Replanner, State, initial_state
+from planners.interface import Knowledge, Plan, Planner, Replanner, State, initial_state
 
 
 def check_planner(planner: Planner, field: Field, seed: int = 0) -> Plan:
@@ -29,6 +29,7 @@ def check_planner(planner: Planner, field: Field, seed: int = 0) -> Plan:
     - At the goal, the plan is solved and has no segments.
     - The first segment that a replanner decides is the first of its plan.
     - Planning changes neither the field nor the state.
+    - What the planner states that it knows, if anything, is a `Knowledge`.
 
     Returns:
         The plan from the start of the field.
@@ -36,6 +37,8 @@ def check_planner(planner: Planner, field: Field, seed: int = 0) -> Plan:
     Raises:
         AssertionError: the planner broke a promise.
     """
+    known = isinstance(getattr(planner, "knows", Knowledge.WHOLE_FIELD), Knowledge)
+    assert known, "the attribute knows is Knowledge.WHOLE_FIELD or Knowledge.NEARBY"
     state = initial_state(field)
     before = _numbers(field, state)
     plan = planner.plan(field, state, seed)

@@ -18,7 +18,7 @@ import numpy as np
 
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.path import Path
-from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
@@ -49,6 +49,43 @@ class Status(Enum):
         """Description for people."""
         self.outcome = outcome
         """How the planned flight ends in the environment."""
+
+
+class Knowledge(Enum):
+    """What a planner or a policy knows of the obstacles of a field.
+
+    A policy that uses what follows from all obstacles, such as the exact distance to go, knows the
+    whole field. Both kinds know the bounds, the goal and the state of the vehicle. Obstacles that
+    were within the range earlier in a flight may be remembered.
+    """
+
+    WHOLE_FIELD = ("whole field", "knows all obstacles from the start")
+    NEARBY = ("nearby", "sees obstacles only within a range of the vehicle")
+
+    def __init__(self, label: str, sentence: str) -> None:
+        self.label = label
+        """Stable name, for files and tables."""
+        self.sentence = sentence
+        """Description for people, whose subject is the policy."""
+
+
+def knowledge_of(*parts: object) -> Knowledge:
+    """What planners or policies that decide together know: nearby only if each knows no more.
+
+    Each states it as its attribute `knows`. One without this attribute is given the whole field and
+    counts as knowing it.
+
+    Raises:
+        ValueError: an attribute `knows` that is not a `Knowledge`.
+    """
+    stated = [getattr(part, "knows", Knowledge.WHOLE_FIELD) for part in parts]
+    for part, knows in zip(parts, stated, strict=True):
+        if not isinstance(knows, Knowledge):
+            raise ValueError(
+                f"the attribute knows of a {type(part).__name__} must be Knowledge.WHOLE_FIELD or "
+                f"Knowledge.NEARBY of planners.interface, got {truncate_repr(knows)}"
+            )
+    return Knowledge.WHOLE_FIELD if Knowledge.WHOLE_FIELD in stated else Knowledge.NEARBY
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -230,6 +267,9 @@ class Planner(Protocol):
     - Planning works from any state: without a flown path, with a vehicle at rest, on the goal (the
       plan is then solved and empty), or after the last segment that the field's limits allow.
     - Planning changes neither the field nor the state.
+
+    A planner that uses only obstacles near the vehicle, although it is given all of them, may state
+    so: `knows = Knowledge.NEARBY` in its class. Tables that compare planners show it.
     """
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:

@@ -16,7 +16,15 @@ from ferguson_gym.world import Field
 from ferguson_gym.world.field_names import as_field
 from ferguson_gym.world.turn_radius import check_turn_radius
 from planners.deadline import check_deadline, plan_within
-from planners.interface import Iterations, Plan, Planner, Replanner, Router, initial_state
+from planners.interface import (
+    Iterations,
+    Plan,
+    Planner,
+    Replanner,
+    Router,
+    initial_state,
+    knowledge_of,
+)
 from planners.optimization import MultiStart, Proposer
 from planners.reachability import explained, unreachable_plan
 from planners.receding_horizon import Guided, Pursuit, RecedingHorizon
@@ -250,6 +258,7 @@ class PlannerSpec:
                 f"planner {self.name!r} is a {type(planner).__name__} without the method "
                 "plan(field, state, seed)"
             )
+        knowledge_of(planner)  # refuses a wrong statement before anything is flown
         if self.turn is not None:
             if self.backtrack or self.sensing is not None:
                 raise ValueError(

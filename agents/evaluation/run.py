@@ -19,12 +19,14 @@ from agents.evaluation.work import FlownPaths, Work
 from agents.flights.flight_table import FlightTable
 from agents.plots.flight_grid import draw_flights, picture_of
 from agents.plots.policy_comparison import COLOURS, draw_comparison
+from agents.policies import make_policy
 from agents.runtime.chunk_store import read_json
 from agents.runtime.executors import Backend
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world import Field
+from planners.interface import knowledge_of
 
 FILES = ("flights.csv", "timings.csv", "paths.npz", "summary.json", REPORT)
 """Files in a directory of results beside pictures."""
@@ -138,12 +140,13 @@ def _write(work: Work, flights: FlightTable) -> None:
 def _summary(work: Work, flights: FlightTable, timings: Sequence[Timing]) -> dict[str, Any]:
     """The object of summary.json: how the results were made, and the results."""
     names = {path.name for path in work.staging.iterdir()}
+    knows = {name: knowledge_of(make_policy(name)).label for name in work.request.policies}
     return {
         "configuration": work.request.configuration,
         "machine": provenance.facts(),
         "flights": len(flights),
         "policies": [_of_policy(work.request, timing, flights) for timing in timings],
-        "statistics": statistics_of(flights),
+        "statistics": statistics_of(flights, knows=knows),
         "shields": summaries.shields(flights),
         "paper": summaries.on_paper(flights),
         "unreachable": summaries.unreachable(work.request, flights),

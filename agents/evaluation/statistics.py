@@ -12,6 +12,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,7 @@ from agents.evaluation.bootstrap import (
     resampled_quartile_means,
 )
 from agents.evaluation.reading import read
+from agents.evaluation.summary import recorded_knowledge
 from agents.flights.flight_table import TIMES, FlightTable
 from agents.flights.metrics import (
     CONFIDENCE,
@@ -35,6 +37,8 @@ from agents.flights.metrics import (
     share_within,
     success_interval,
 )
+from agents.policies.knowledge import LEGEND, Knows, labels
+from agents.runtime.chunk_store import read_json
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Outcome
 
@@ -48,6 +52,7 @@ _LEVELS = 241
 """Number of levels of a performance profile, at equal ratios."""
 
 HOW = {
+    "knows": f"What a policy knows of the obstacles. {LEGEND}.",
     "success": "Share of flights that were feasible and ended on the goal. Wilson's interval, over "
     "fields: several policy seeds on a field count as one trial, because flights with different "
     "policy seeds on the same field may be identical.",
@@ -78,13 +83,22 @@ def summarise(directory: str | Path, seed: int = 0) -> dict[str, Any]:
     Raises:
         ValueError: As `agents.evaluation.reading.read`.
     """
-    return summary(read(Path(directory)), seed)
+    directory = Path(directory)
+    recorded = recorded_knowledge(read_json(directory / "summary.json"))
+    return summary(read(directory), seed, recorded)
 
 
-def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
-    """All statistics as JSON values; the same flights and seed give the same.
+def summary(
+    flights: FlightTable, seed: int = 0, knows: Mapping[str, object] = MappingProxyType({})
+) -> dict[str, Any]:
+    """All statistics as JSON values; the same arguments give the same.
 
     Values that are infinite or missing are None; a gap is infinite where `gap_flights` is not 0.
+
+    Args:
+        flights: of all policies.
+        seed: of the bootstrap.
+        knows: labels of what policies know, by name; others follow from the names, or are None.
 
     Returns:
         `policies` and `pairs`, a list of objects each; `profiles` with `gap`, the levels, and
@@ -100,7 +114,7 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
         "resamples": RESAMPLES,
         "seed": seed,
         "how": HOW,
-        "policies": policy_statistics(flights, seed),
+        "policies": policy_statistics(flights, seed, labels(flights.policies, knows)),
         "pairs": pair_statistics(flights, seed),
         "profiles": {
             "gap": [float(f"{level:.4g}") for level in levels],
@@ -112,7 +126,7 @@ def summary(flights: FlightTable, seed: int = 0) -> dict[str, Any]:
     }
 
 
-def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
+def policy_statistics(flights: FlightTable, seed: int, knows: Knows) -> list[dict[str, Any]]:
     """Success, SPL, gaps and times of each policy; `HOW` says how failures are treated."""
     if len(flights) == 0:
         return []
@@ -130,6 +144,7 @@ def policy_statistics(flights: FlightTable, seed: int) -> list[dict[str, Any]]:
         found.append(
             {
                 "policy": name,
+                "knows": knows[name],
                 "flights": number,
                 "fields": fields,
                 "successes": successes,

@@ -86,6 +86,18 @@ def unreachable(request: Request, flights: FlightTable) -> list[dict[str, str]]:
     return found
 
 
+def recorded_knowledge(summary: Mapping[str, Any]) -> dict[str, object]:
+    """What each policy knows, as the statistics in a summary.json say, which may be malformed."""
+    found = summary.get("statistics")
+    listed = found.get("policies") if isinstance(found, dict) else None
+    every = listed if isinstance(listed, list) else []
+    return {
+        one["policy"]: one.get("knows")
+        for one in every
+        if isinstance(one, dict) and isinstance(one.get("policy"), str)
+    }
+
+
 def _median(values: NDArray[Any]) -> float | None:
     return float(np.median(values)) if len(values) else None
 

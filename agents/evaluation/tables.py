@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from rich.table import Table
-from rich.text import Text
 
 from agents.evaluation.statistics import caution
-from agents.evaluation.summary import timed
+from agents.evaluation.summary import recorded_knowledge, timed
 from agents.flights.field_changes import FieldChanges
-from agents.runtime.terminal_tables import NONE, decimal, empty_table
+from agents.policies.knowledge import LEGEND, UNKNOWN, Knows, grouped, labels
+from agents.runtime.terminal_tables import NONE, add_group, decimal, empty_table
 from ferguson_gym.world import Outcome
 from ferguson_gym.world.paper_fields import TABLE_I
 
@@ -26,7 +26,9 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
     """Tables and sentences on a summary.json, in the order in which they are shown."""
     found = summary["statistics"]
     found = {**found, "policies": timed(found["policies"], summary["policies"])}
-    yield policies(found)
+    # older summaries do not record what policies know
+    knows = labels([one["policy"] for one in found["policies"]], recorded_knowledge(summary))
+    yield policies(found, knows)
     remarks = [
         *changes(summary),
         *failures(found),
@@ -43,14 +45,14 @@ def of_summary(summary: Mapping[str, Any]) -> Iterator[Table | str]:
         yield ""
         yield from remarks
     shielded, on_paper = summary.get("shields", ()), summary.get("paper", ())
-    for table in (against_the_best(found), shields(shielded), paper(on_paper)):
+    for table in (against_the_best(found, knows), shields(shielded, knows), paper(on_paper, knows)):
         if table is not None:
             yield ""
             yield table
 
 
-def policies(found: Mapping[str, Any]) -> Table:
-    """A row for each policy of a summary's statistics, the highest SPL first."""
+def policies(found: Mapping[str, Any], knows: Knows) -> Table:
+    """A row for each policy of a summary's statistics, the highest SPL first in each group."""
     fields, seeds = found["fields"], found["seeds"]
     table = empty_table(
         f"{_number(fields, 'field')}, {_number(seeds, 'policy seed')}; 95 % intervals in brackets",
@@ -64,18 +66,23 @@ def policies(found: Mapping[str, Any]) -> Table:
         caption="SPL: mean of shortest / flown length, where failures count 0; gap: flown / "
         "shortest length - 1, infinite for a failure; decision: 99th percentile of decision times, "
         "including the first, in which a whole-path planner plans its whole path; flight: median "
-        "time of a whole flight",
+        f"time of a whole flight\n{LEGEND}",
+        broken=("success\n[%]", "SPL"),
     )
-    for one in sorted(found["policies"], key=lambda one: -float(one["spl"])):
-        table.add_row(
-            Text(one["policy"]),
+    _add(
+        table,
+        sorted(found["policies"], key=lambda one: -float(one["spl"])),
+        knows,
+        lambda one: (
+            one["policy"],
             _with_interval(one, "success", _share),
             _with_interval(one, "spl", "{:.3f}".format),
             _gap(one, "gap_median"),
             _gap(one, "gap_99"),
             _milliseconds(one.get("decision_seconds_99")),
             _milliseconds(one["flight_seconds_median"]),
-        )
+        ),
+    )
     return table
 
 
@@ -116,7 +123,7 @@ def without_gap(found: Mapping[str, Any]) -> Iterator[str]:
         )
 
 
-def against_the_best(found: Mapping[str, Any]) -> Table | None:
+def against_the_best(found: Mapping[str, Any], knows: Knows) -> Table | None:
     """Comparisons of the policy with the highest SPL with each other policy.
 
     None if there is no other policy, or only one field, which says nothing about others.
@@ -125,7 +132,7 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
         return None
     best = max(found["policies"], key=lambda one: float(one["spl"]))["policy"]
     table = empty_table(
-        f"{best} compared with the others, on the same fields and seeds",
+        f"{best} ({knows[best] or UNKNOWN}) compared with the others, on the same fields and seeds",
         "compared with",
         "SPL difference",
         "P(shorter)\n[%]",
@@ -137,19 +144,24 @@ def against_the_best(found: Mapping[str, Any]) -> Table | None:
     )
     spl = {one["policy"]: float(one["spl"]) for one in found["policies"]}
     rows = [pair for pair in found["pairs"] if best in (pair["first"], pair["second"])]
-    for pair in sorted(rows, key=lambda pair: -spl[pair["first"]] - spl[pair["second"]]):
-        seen = pair if pair["first"] == best else _turned(pair)
-        table.add_row(
-            Text(seen["second"]),
-            _with_interval(seen, "spl_difference", "{:+.3f}".format, " to "),
-            _with_interval(seen, "improvement", _share),
-            f"{seen['first_wins']} : {seen['second_wins']}",
-            _chance(seen["mcnemar_p_holm"]),
-        )
+    rows = sorted(rows, key=lambda pair: -spl[pair["first"]] - spl[pair["second"]])
+    seen = [pair if pair["first"] == best else _turned(pair) for pair in rows]
+    _add(
+        table,
+        [{"policy": pair["second"], **pair} for pair in seen],
+        knows,
+        lambda one: (
+            one["policy"],
+            _with_interval(one, "spl_difference", "{:+.3f}".format, " to "),
+            _with_interval(one, "improvement", _share),
+            f"{one['first_wins']} : {one['second_wins']}",
+            _chance(one["mcnemar_p_holm"]),
+        ),
+    )
     return table if rows else None
 
 
-def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
+def shields(shielded: Sequence[Mapping[str, Any]], knows: Knows) -> Table | None:
     """How many steps the planner took over, and why, from a summary's shields; None without any."""
     table = empty_table(
         "Steps that the shield handed over to the planner",
@@ -159,19 +171,23 @@ def shields(shielded: Sequence[Mapping[str, Any]]) -> Table | None:
         "untouched\nflights [%]",
         "why, most often",
     )
-    for one in shielded:
-        causes = list(one["causes"].items())[:3]
-        table.add_row(
-            Text(one["policy"]),
+    _add(
+        table,
+        shielded,
+        knows,
+        lambda one: (
+            one["policy"],
             str(one["steps"]),
             f"{100.0 * one['handed_over'] / one['steps']:.2f}",
             f"{100.0 * one['untouched_flights'] / one['flights']:.1f}",
-            ", ".join(f"{cause} {number}" for cause, number in causes) or NONE,
-        )
+            ", ".join(f"{cause} {number}" for cause, number in [*one["causes"].items()][:3])
+            or NONE,
+        ),
+    )
     return table if shielded else None
 
 
-def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
+def paper(rows: Sequence[Mapping[str, Any]], knows: Knows) -> Table | None:
     """A summary's flights through the paper's fields beside its Table I; None without any."""
     table = empty_table(
         "The paper's fields (reconstructed), with its Table I in brackets",
@@ -184,20 +200,30 @@ def paper(rows: Sequence[Mapping[str, Any]]) -> Table | None:
         caption="medians over successful flights (-: no flight succeeded); (N/A): the paper found "
         "no path; no brackets: the paper does not report this policy on this field",
     )
-    for one in rows:
-        policy, field = one["policy"], one["field"]
-        row = TABLE_I.get((policy, field))
-        cells = []
-        for name, digits in (("segments", 0), ("evaluations", 0), ("length", 2)):
-            printed = "" if row is None else decimal(getattr(row, name), digits, none="N/A")
-            cells.append(decimal(one[name], digits) + (f" ({printed})" if printed else ""))
-        table.add_row(
-            Text(f"{policy} {field}"),
-            f"{one['successes']}/{one['flights']}",
-            *cells,
-            decimal(one["exact_length"], 2),
-        )
+    _add(table, rows, knows, _cells_of_paper)
     return table if rows else None
+
+
+def _cells_of_paper(one: Mapping[str, Any]) -> tuple[str, ...]:
+    policy, field = one["policy"], one["field"]
+    row = TABLE_I.get((policy, field))
+    cells = []
+    for name, digits in (("segments", 0), ("evaluations", 0), ("length", 2)):
+        printed = "" if row is None else decimal(getattr(row, name), digits, none="N/A")
+        cells.append(decimal(one[name], digits) + (f" ({printed})" if printed else ""))
+    counts = f"{one['successes']}/{one['flights']}"
+    return (f"{policy} {field}", counts, *cells, decimal(one["exact_length"], 2))
+
+
+def _add(
+    table: Table,
+    rows: Iterable[Mapping[str, Any]],
+    knows: Knows,
+    cells: Callable[[Mapping[str, Any]], tuple[str, ...]],
+) -> None:
+    """Add rows with a `policy`, in groups by what the policies know; the first cell is a name."""
+    for heading, group in grouped(rows, lambda one: knows.get(one["policy"])):
+        add_group(table, heading, map(cells, group))
 
 
 def _number(number: int, what: str) -> str:

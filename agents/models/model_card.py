@@ -14,6 +14,7 @@ from ferguson_gym import ENVIRONMENT_ID, __version__
 from ferguson_gym.runtime import atomic_write
 from ferguson_gym.simulation import arguments_to_save, saved_arguments, settings_of
 from ferguson_gym.world import PAPER_LIMITS
+from planners.interface import Knowledge
 
 CARD = "model.json"
 ENVIRONMENT_VERSION = f"{ENVIRONMENT_ID} {__version__}"
@@ -46,6 +47,15 @@ class ModelCard:
     """Evaluations during training, in order."""
     results: dict[str, Any] = field(default_factory=dict)
     """Final results, with fields and number of flights."""
+
+    @property
+    def knows(self) -> Knowledge:
+        """What the observation shows of a field.
+
+        Rays and discs end at the range `view`. Directions of the shortest path, which the argument
+        `way` adds to the observation, depend on all obstacles.
+        """
+        return Knowledge.WHOLE_FIELD if self.environment.get("way") else Knowledge.NEARBY
 
     def to_json(self) -> str:
         """The text of `model.json`.

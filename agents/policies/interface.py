@@ -10,7 +10,11 @@ from planners.interface import Decision, Route
 
 
 class Policy(Protocol):
-    """Chooses actions in one flight at a time."""
+    """Chooses actions in one flight at a time.
+
+    A policy that uses only obstacles near the vehicle may state so as its attribute `knows`
+    (`planners.interface.Knowledge`); one without it counts as knowing the whole field.
+    """
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""

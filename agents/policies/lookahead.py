@@ -13,7 +13,7 @@ Reference:
 from __future__ import annotations
 
 import math
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.runtime import Array
 from ferguson_gym.simulation import Observation, Settings, SimulatedRollouts
 from ferguson_gym.world import Action, Field, transition
+from planners.interface import Knowledge
 
 MOST = 1024
 """Upper limit of the number of rollouts."""
@@ -45,6 +46,9 @@ class LookaheadPolicy:
     Raises:
         ValueError: fewer than 2 rollouts, or more than `MOST`.
     """
+
+    knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
+    """Rollouts are checked against all obstacles."""
 
     def __init__(self, policy: NetworkPolicy, tries: int) -> None:
         if not 2 <= tries <= MOST:

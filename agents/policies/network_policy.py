@@ -11,6 +11,7 @@ from agents.models.model import MODEL, Model
 from agents.runtime.kernels import small_field
 from ferguson_gym.simulation import Observation, observe
 from ferguson_gym.world import Action, Field, transition
+from planners.interface import Knowledge
 
 
 class NetworkPolicy:
@@ -23,6 +24,11 @@ class NetworkPolicy:
 
     def __init__(self, model: Model) -> None:
         self.model, self._settings = model, model.settings
+
+    @property
+    def knows(self) -> Knowledge:
+        """What its observation shows of a field."""
+        return self.model.card.knows
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field; the seed changes nothing."""

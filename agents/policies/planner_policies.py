@@ -6,7 +6,16 @@ from agents.policies.interface import PlannerPolicy
 from ferguson_gym.runtime import Array
 from ferguson_gym.simulation import Observation
 from ferguson_gym.world import Action, Field, encode, transition
-from planners.interface import Decision, Plan, Planner, Replanner, Route, State
+from planners.interface import (
+    Decision,
+    Knowledge,
+    Plan,
+    Planner,
+    Replanner,
+    Route,
+    State,
+    knowledge_of,
+)
 from planners.rollout import successor
 
 
@@ -18,6 +27,11 @@ class ReplanningPolicy:
     def __init__(self, planner: Replanner) -> None:
         self._planner = planner
         self.decisions: list[Decision] = []
+
+    @property
+    def knows(self) -> Knowledge:
+        """What its planner knows of a field."""
+        return knowledge_of(self._planner)
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""
@@ -44,6 +58,11 @@ class TrackingPolicy:
         self._planner = planner
         self.decisions: list[Decision] = []
         self.route: Route | None = None
+
+    @property
+    def knows(self) -> Knowledge:
+        """What its planner knows of a field."""
+        return knowledge_of(self._planner)
 
     def begin(self, field: Field, seed: int) -> None:
         """Start a flight through a field."""

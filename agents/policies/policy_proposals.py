@@ -8,6 +8,7 @@ from agents.policies.interface import Policy
 from ferguson_gym.runtime import Array
 from ferguson_gym.simulation import Settings, observe_one
 from ferguson_gym.world import Field, decode, transition
+from planners.interface import Knowledge, knowledge_of
 
 _SEEN = Settings()
 """The default settings of the environment, in which policies fly."""
@@ -18,6 +19,11 @@ class PolicyProposer:
 
     def __init__(self, policy: Policy) -> None:
         self._policy = policy
+
+    @property
+    def knows(self) -> Knowledge:
+        """What its policy knows of a field."""
+        return knowledge_of(self._policy)
 
     def propose(
         self, field: Field, state: transition.State, segments: int, seed: int

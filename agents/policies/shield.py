@@ -22,6 +22,7 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -31,7 +32,7 @@ from ferguson_gym.runtime import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.simulation import Observation, Settings, observe_one
 from ferguson_gym.world import Action, Field, Outcome, encode, transition
-from planners.interface import Decision, Replanner, State, WindowReport
+from planners.interface import Decision, Knowledge, Replanner, State, WindowReport
 from planners.receding_horizon import Guided
 from planners.rollout import successor
 
@@ -67,6 +68,9 @@ class Shield:
     In a flight without disturbances the agent acts once in each state: an action computed one
     step ahead is flown if the agent also decides the next step.
     """
+
+    knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
+    """It measures progress by the exact distance to go, whatever the agent and planner know."""
 
     def __init__(self, agent: Policy, planner: Replanner | None = None) -> None:
         """Shield an agent; the planner is `guided` by default."""

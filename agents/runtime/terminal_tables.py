@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import Literal
 
 from rich import box
@@ -16,10 +16,13 @@ NONE = "-"
 """Text of a cell without a value."""
 
 
-def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
+def empty_table(
+    title: str, *columns: str, caption: str | None = None, broken: Collection[str] = ()
+) -> Table:
     """A table without rows, in the common style: words in the first column, numbers in the others.
 
-    In a narrow terminal the words are folded; numbers are not.
+    In a narrow terminal the words are folded, and cells of columns in `broken` continue in a second
+    line after a space; other numbers are not folded.
     """
     table = Table(
         title=escape(title),
@@ -34,9 +37,21 @@ def empty_table(title: str, *columns: str, caption: str | None = None) -> Table:
     for index, column in enumerate(columns):
         justify: Literal["left", "right"] = "left" if index == 0 else "right"
         table.add_column(
-            Text(column), justify=justify, no_wrap=index > 0, overflow="fold", vertical="top"
+            Text(column),
+            justify=justify,
+            no_wrap=index > 0 and column not in broken,
+            overflow="fold",
+            vertical="top",
         )
     return table
+
+
+def add_group(table: Table, heading: str, rows: Iterable[Sequence[str]]) -> None:
+    """Add rows of plain text below a heading, with space behind them."""
+    table.add_row(Text(f"{heading}:", style="italic"))
+    for cells in rows:
+        table.add_row(*map(Text, cells))
+    table.add_section()
 
 
 def decimal(value: float | None, digits: int, scale: float = 1.0, none: str = NONE) -> str:

@@ -25,7 +25,7 @@ from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world import Field, Step, is_feasible, transition
 from ferguson_gym.world.turn_radius import check_turn_radius, keeps_turn_radius
-from planners.interface import Decision, State, WindowReport
+from planners.interface import Decision, Knowledge, State, WindowReport
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
@@ -114,6 +114,7 @@ class Guided(StepByStep):
     """
 
     METRES: ClassVar[tuple[str, ...]] = ("min_turn_radius",)
+    knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
 
     classes: int = 2
     """Number of homotopy classes, best first, that initial guesses follow until one succeeds."""

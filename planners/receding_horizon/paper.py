@@ -23,7 +23,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, transition
-from planners.interface import Decision, State, WindowReport
+from planners.interface import Decision, Knowledge, State, WindowReport, knowledge_of
 from planners.optimization import FirstGuess, MultiStart, Proposer, RandomGuess
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.initial_guesses import random_chains, shifted, shifted_or_straight
@@ -58,6 +58,11 @@ class RecedingHorizon(StepByStep):
     deadline: float = math.inf
     """Time for a decision [s]. Once it has passed, the best certified chain found so far is flown,
     or the rest of the last plan; results then depend on the machine."""
+
+    @property
+    def knows(self) -> Knowledge:
+        """Obstacles at most 45 m away, or three longest segments, unless a proposer knows more."""
+        return Knowledge.NEARBY if self.proposer is None else knowledge_of(self.proposer)
 
     @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:

@@ -17,7 +17,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,7 +25,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
 from ferguson_gym.world import Discs, is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
-from planners.interface import Decision, Replanner, State, WindowReport
+from planners.interface import Decision, Knowledge, Replanner, State, WindowReport
 from planners.receding_horizon.gaps import least_gaps
 from planners.receding_horizon.guided import Guided, is_tight
 from planners.rescaling import decided_in_image
@@ -59,6 +59,8 @@ class Pursuit(StepByStep):
     Raises:
         ValueError: a stride, a margin or a gap width that is not positive and finite.
     """
+
+    knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
 
     margin: float = 0.8
     """Distance kept from each disc where neighbouring discs leave enough room [m]."""

@@ -6,7 +6,7 @@ import dataclasses
 import math
 import time
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from ferguson_gym.world.similarity import similarity
 from planners.interface import (
     CrashedError,
     Decision,
+    Knowledge,
     Plan,
     Planner,
     Route,
@@ -33,6 +34,8 @@ from planners.whole_path.route_fit import fit
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholePath:
     """Plans a route once and fits segments to it."""
+
+    knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
 
     router: Router
 

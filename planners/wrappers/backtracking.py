@@ -23,7 +23,7 @@ import numpy as np
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, Step, fly_segment
-from planners.interface import Decision, Replanner, State
+from planners.interface import Decision, Knowledge, Replanner, State, knowledge_of
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import WindowSolver
 from planners.optimization.objectives import HorizonObjective
@@ -58,6 +58,11 @@ class Backtracking(StepByStep):
     def __post_init__(self) -> None:
         if self.patience < 1:
             raise ValueError(f"patience is at least 1 segment, got {self.patience}")
+
+    @property
+    def knows(self) -> Knowledge:
+        """What the planner and the guide know together."""
+        return knowledge_of(self.planner, self.guide)
 
     @decided_in_image
     def decide(self, field: Field, state: State, seed: int) -> Decision:

@@ -9,13 +9,14 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
 from ferguson_gym.curves.splines import evaluate, subdivide
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, fly_segment, is_feasible
-from planners.interface import Decision, Replanner, State
+from planners.interface import Decision, Knowledge, Replanner, State
 from planners.rollout import StepByStep
 
 
@@ -32,6 +33,8 @@ class Sensing(StepByStep):
     Raises:
         ValueError: a range that is not positive; `decide` refuses one below the longest segment.
     """
+
+    knows: ClassVar[Knowledge] = Knowledge.NEARBY
 
     planner: Replanner
     """Decides among the known obstacles."""

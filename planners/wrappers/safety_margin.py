@@ -15,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from ferguson_gym.world import Field, fly_segment
-from planners.interface import Decision, Replanner, State
+from planners.interface import Decision, Knowledge, Replanner, State, knowledge_of
 from planners.rollout import StepByStep
 
 MARGIN_FRACTIONS = (1.0, 0.4, 0.0)
@@ -40,6 +40,11 @@ class Margin(StepByStep):
     def __post_init__(self) -> None:
         if not 0.0 < self.margin < math.inf:
             raise ValueError(f"a margin must be above 0 m and finite, got {self.margin:g} m")
+
+    @property
+    def knows(self) -> Knowledge:
+        """As much as the planner: growing obstacles shows it no others."""
+        return knowledge_of(self.planner)
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
         """Choose the next segment and tentative further ones."""

@@ -80,9 +80,9 @@ def test_the_own_planner_flies_what_it_plans_and_is_measured_as_others(run: Run)
             assert (flight.control[-1, 1] == field.goal).all()
             gaps.append(100 * (Curve(flight.control).length / shortest_path(field).length - 1))
     assert len(gaps) >= 3
-    told = re.search(r"shooting +(\d+)/4 +([\d.]+) % +([\d.]+) %", text)
+    told = re.search(r"shooting +nearby +(\d+)/4 +([\d.]+) % +([\d.]+) %", text)
     assert told.groups() == (str(len(gaps)), f"{np.median(gaps):.2f}", f"{max(gaps):.2f}")
-    guided = re.search(r"guided +4/4 +([\d.]+) %", text)
+    guided = re.search(r"guided +whole field +4/4 +([\d.]+) %", text)
     assert float(guided[1]) < 0.1 < np.median(gaps)
 
 

@@ -13,19 +13,20 @@ from pathlib import Path
 from typing import Any
 
 from rich.table import Table
-from rich.text import Text
 
 from agents.benchmarks.planners import ompl_log, plots
 from agents.benchmarks.planners.runs import FALSE_SUCCESS, LIBRARIES, Run, runs
 from agents.flights import metrics
 from agents.flights.field_changes import UNCHANGED, FieldChanges
+from agents.policies.knowledge import LEGEND, grouped
 from agents.runtime import provenance, terminal_tables
 from agents.runtime.csv_files import write_csv
 from agents.runtime.terminal import Terminal
-from agents.runtime.terminal_tables import decimal
+from agents.runtime.terminal_tables import add_group, decimal
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world import Field
-from planners.interface import Status
+from planners import make
+from planners.interface import Status, knowledge_of
 
 COLUMNS = (
     *("planner", "field", "seed", "status", "success"),
@@ -116,6 +117,7 @@ def summary(finished: Sequence[Run], request: Request) -> dict[str, Any]:
         "left_out": dict(request.left_out),
         "planners": [
             statistics([run for run in finished if run.planner == name])
+            | {"knows": knowledge_of(make(name)).label}
             for name in request.planners
         ],
         **provenance.facts(*LIBRARIES),
@@ -162,7 +164,7 @@ def _quantile(values: Sequence[float], share: float) -> float | None:
 
 
 def table(report: Mapping[str, Any]) -> Table:
-    """A row for each planner."""
+    """A row for each planner, in groups by what the planners know."""
     budget, changes = report["budget_seconds"], FieldChanges.of_json(report)
     where = "where a planner searches on"
     changed = f", {changes}" if changes else ""
@@ -182,20 +184,24 @@ def table(report: Mapping[str, Any]) -> Table:
         "total [s]",
         caption=_caption(report),
     )
-    gaps = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
-    for one in report["planners"]:
-        low, high = (f"{100 * one[key]:.1f}" for key in ("success_low", "success_high"))
-        rows.add_row(
-            Text(one["planner"]),
-            f"{one['successes']}/{one['runs']}",
-            f"{low} to {high}",
-            str(one["failures"].get(FALSE_SUCCESS, 0)),
-            *(decimal(one[key], 2, 100.0) for key in gaps),
-            decimal(one["min_turn_radius_median"], 2),
-            decimal(one["seconds_first_median"], 1, 1e3),
-            decimal(one["seconds_median"], 3),
-        )
+    for heading, group in grouped(report["planners"], lambda one: one["knows"]):
+        add_group(rows, heading, map(_cells, group))
     return rows
+
+
+def _cells(one: Mapping[str, Any]) -> tuple[str, ...]:
+    low, high = (f"{100 * one[key]:.1f}" for key in ("success_low", "success_high"))
+    gaps = ("raw_gap_median", "gap_median", "gap_90", "gap_99")
+    return (
+        one["planner"],
+        f"{one['successes']}/{one['runs']}",
+        f"{low} to {high}",
+        str(one["failures"].get(FALSE_SUCCESS, 0)),
+        *(decimal(one[key], 2, 100.0) for key in gaps),
+        decimal(one["min_turn_radius_median"], 2),
+        decimal(one["seconds_first_median"], 1, 1e3),
+        decimal(one["seconds_median"], 3),
+    )
 
 
 def _caption(report: Mapping[str, Any]) -> str:
@@ -209,4 +215,4 @@ def _caption(report: Mapping[str, Any]) -> str:
     )
     if report["workers"] > 1:
         caption += f" Times measured with {report['workers']} workers at once are not comparable."
-    return caption
+    return f"{caption}\n{LEGEND}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -12,9 +12,10 @@ from agents.evaluation.reading import read
 from agents.evaluation.report.flight_browser import BUDGET, browser
 from agents.evaluation.results import Paths, read_paths
 from agents.evaluation.statistics import caution, summary
-from agents.evaluation.summary import timed
+from agents.evaluation.summary import recorded_knowledge, timed
 from agents.flights.field_changes import UNCHANGED, FieldChanges
 from agents.flights.flight_table import FlightTable
+from agents.policies.knowledge import HEADINGS, LABELS, grouped
 from ferguson_gym.runtime.arrays import LARGEST
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.world import Field, Outcome
@@ -50,7 +51,8 @@ def write_report(
     flights = read(directory)
     place = directory / "paths.npz"
     paths = read_paths(place, len(flights)) if place.is_file() else None
-    found = _read_summary(directory / "summary.json") | {"statistics": summary(flights)}
+    found = _read_summary(directory / "summary.json")
+    found["statistics"] = summary(flights, knows=recorded_knowledge(found))
     write_page(directory / REPORT, flights, paths, found, fields or {}, budget)
 
 
@@ -85,6 +87,7 @@ def write_page(
     data = {
         "headline": lines,
         "statistics": found,
+        "knowledge": HEADINGS,
         "outcomes": {outcome.label: outcome.sentence for outcome in Outcome},
         "provenance": dict(_flat("", provenance)),
         "browser": browser(flights, paths, fields, budget, changes),
@@ -114,12 +117,29 @@ def headline(found: Mapping[str, Any]) -> dict[str, Any]:
         sentences = [f"{policies[0]['policy']} has an SPL of {_spl(policies[0])}."]
     else:
         best = max(policies, key=lambda one: float(one["spl"]))
-        sentences = [f"{best['policy']} has the highest SPL, {_spl(best)}. {_lead(best, found)}"]
+        sentences = [f"{_named(best)} has the highest SPL, {_spl(best)}. {_lead(best, found)}"]
+        sentences += _best_of_others(best, policies)
     if (warning := caution(found)) is not None:
         sentences.append(warning)
     if found["seeds"] > 1:
         reached += f", with {found['seeds']} policy seeds on each field"
     return {"title": title, "sentences": [*sentences, f"{reached}."]}
+
+
+def _named(one: Mapping[str, Any]) -> str:
+    """A policy and what it knows, if that is known."""
+    return f"{one['policy']} ({one['knows']})" if one["knows"] else str(one["policy"])
+
+
+def _best_of_others(
+    best: Mapping[str, Any], policies: Sequence[Mapping[str, Any]]
+) -> Iterator[str]:
+    """A sentence on the best policy of each group that knows more or less than the best of all."""
+    for heading, group in grouped(policies, lambda one: one["knows"]):
+        if heading in LABELS and best["knows"] not in (heading, None):
+            other = max(group, key=lambda one: float(one["spl"]))
+            leader = f"{other['policy']} has the highest SPL, {_spl(other)}"
+            yield f"Of the policies listed as {heading}, {leader}."
 
 
 def _lead(best: Mapping[str, Any], found: Mapping[str, Any]) -> str:

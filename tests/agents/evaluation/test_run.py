@@ -1,6 +1,8 @@
 """Evaluation: its files, and that they do not depend on the number of workers."""
 
 import csv
+import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,6 +11,7 @@ import pytest
 
 from agents.evaluation.results import FLIGHT_COLUMNS, TIMING_COLUMNS, flight_rows
 from agents.evaluation.run import evaluate
+from agents.evaluation.statistics import summarise
 from agents.flights.flight import fly
 from agents.flights.flight_table import table_of
 from ferguson_gym.curves.arc_length import length
@@ -109,6 +112,19 @@ def test_two_workers_write_the_same_flights(run: Path, tmp_path: Path) -> None:
     one, two = np.load(run / "paths.npz"), np.load(tmp_path / "paths.npz")
     for key in one.files:
         np.testing.assert_array_equal(one[key], two[key])
+
+
+def test_the_summary_says_what_a_policy_knows(run: Path, tmp_path: Path) -> None:
+    summary = json.loads((run / "summary.json").read_text())
+    assert [one["knows"] for one in summary["statistics"]["policies"]] == ["nearby"]
+    assert summarise(run) == summary["statistics"]
+    copy = tmp_path / "copy"
+    copy.mkdir()
+    shutil.copy(run / "flights.csv", copy)  # as of an evaluation that did not record it
+    assert [one["knows"] for one in summarise(copy)["policies"]] == ["nearby"]
+    summary["statistics"]["policies"][0]["knows"] = "whole field"
+    (copy / "summary.json").write_text(json.dumps(summary))
+    assert [one["knows"] for one in summarise(copy)["policies"]] == ["whole field"]
 
 
 def test_pictures_are_written(run: Path) -> None:

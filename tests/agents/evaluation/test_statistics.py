@@ -282,8 +282,9 @@ def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -
     )
     found = summarise(tmp_path)
     console = Console(width=120, record=True, file=io.StringIO())
-    console.print(tables.policies(found))
-    console.print(tables.against_the_best(found))
+    knows = {one["policy"]: one["knows"] for one in found["policies"]}
+    console.print(tables.policies(found, knows))
+    console.print(tables.against_the_best(found, knows))
     text = console.export_text().replace("\N{EN DASH}", "-")
     lines = [line.strip() for line in text.splitlines()]
     shown = [line for line in lines if line.startswith(("good ", "[red]late"))]
@@ -296,4 +297,4 @@ def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -
     assert "10 : 0" in shown[3]
     assert "100.0 (100.0-100.0)" in shown[3]
     write_results(tmp_path, {"alone": {"f": [150.0]}})
-    assert tables.against_the_best(summarise(tmp_path)) is None
+    assert tables.against_the_best(summarise(tmp_path), {}) is None

@@ -259,8 +259,14 @@ def test_tables_of_an_evaluation_fit_and_show_failures(width: int, tmp_path: Pat
     text = console.export_text()
     assert "…" not in text
     assert max(map(len, text.splitlines())) <= width
-    for cell in ("50.0 (35.2", "0.438", "100.0 (91.2", " 20 : 0 ", "< 0.0001", " inf "):
+    for cell in ("50.0", "(35.2", "0.438", "100.0", "(91.2", " 20 : 0 ", "< 0.0001", " inf "):
         assert cell in text, cell
     flat = " ".join(text.split())
+    assert (width < 120) != ("50.0 (35.2" in text)  # an interval continues in a second line
+    # two tables have a group for each kind of knowledge; nothing says what an unknown policy knows
+    headings = [line.strip() for line in text.splitlines() if re.fullmatch(r"[a-z ?]+: *", line)]
+    assert headings == ["nearby:", "?:", "?:"]
+    assert f"{name} (nearby) compared with the others" in flat
+    assert "whole field: knows all obstacles from the start; nearby: sees obstacles" in flat
     assert "[red]late failed 20 of 40: 20 x cut into an obstacle" in flat
     assert f"{name} has a time limit, so its flights are not exactly" in flat

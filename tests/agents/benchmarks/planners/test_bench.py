@@ -3,6 +3,7 @@
 import csv
 import importlib.util
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
@@ -105,6 +106,8 @@ def test_the_summary_counts_failures(results: Path) -> None:
         assert (library in summary["versions"]) == installed
     told = {one["planner"]: one for one in summary["planners"]}
     assert list(told) == NAMES
+    assert {name for name, one in told.items() if one["knows"] == "nearby"} == {"multi-start"}
+    assert told["shortest"]["knows"] == "whole field"
     assert told["lying"]["failures"] == {FALSE_SUCCESS: 2}
     assert told["crashing"]["failures"] == {"crashed (gone)": 2}
     assert told["without"]["successes"] == 0
@@ -130,11 +133,13 @@ def test_files_are_written_and_nothing_else(results: Path) -> None:
 def test_the_table_says_how_failures_count(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    chosen = ["--planner", "shortest", "--planner", "lying"]
+    chosen = ["--planner", "single-start", "--planner", "shortest", "--planner", "lying"]
     assert main([*BENCH, *chosen, "--seconds", "0.5", "--out", str(tmp_path)]) == 0
     printed = " ".join(capsys.readouterr().out.split())
     assert "Planners on the same 2 fields, 0.5 s where a planner searches on" in printed
-    assert "shortest 2/2 34.2 to 100.0 0 0.00" in printed
+    assert "whole field: shortest 2/2 34.2 to 100.0 0 0.00" in printed
+    assert re.search(r" nearby: single-start \d/2 ", printed)
+    assert printed.index("whole field:") < printed.index("nearby:")
     assert "lying 0/2 0.0 to 65.8 2 - - - - -" in printed
     assert "over successes alone, so a planner that fails on hard fields looks better" in printed
     assert "lying failed: 2 false_success" in printed

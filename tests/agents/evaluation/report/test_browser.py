@@ -24,14 +24,15 @@ window.alert = () => { wrong.push("a name ran as a script"); };
 document.addEventListener("securitypolicyviolation", e => wrong.push(e.violatedDirective));
 </script>"""
 ACTS = """
-const cells = column => [...document.querySelectorAll("#table tbody tr")].map(
+const cells = column => [...document.querySelectorAll("#table tbody tr:has(td)")].map(
   row => row.cells[column].firstChild.textContent);
 const told = { title: document.title, before: cells(2), paired: paired_rows() };
-function paired_rows() { return document.querySelectorAll("#pairs tbody tr").length; }
+function paired_rows() { return document.querySelectorAll("#pairs tbody tr:has(td)").length; }
 const press = key => document.getElementById("list").dispatchEvent(
   new KeyboardEvent("keydown", { key, bubbles: true, cancelable: true }));
 const chosen = () => document.getElementById("shown").textContent;
 const sort = column => document.querySelectorAll("#table thead button")[column].click();
+told.groups = [...document.querySelectorAll("#table tbody th")].map(th => th.textContent);
 sort(2);
 told.upwards = cells(2);
 sort(1);
@@ -120,6 +121,7 @@ def test_a_report_works_in_a_browser(tmp_path: Path, width: int) -> None:
     assert told["success"] == ["100.0", "75.0", "25.0"]
     assert told["gaps"] == ["3.57", "7.14", "∞"]
     assert told["paired"] == 2
+    assert told["groups"] == ["?does not say what it knows"]
     a, b, c, last = "standard/train:1", "standard/train:0", "standard/train:2", HOSTILE
     assert told["shown"] == [a, b, c, last, last, c, a]
     assert told["listed"] == {"all": 4, "failures": 3, "0": 0, "1": 1, "2": 3, "gap": 4}

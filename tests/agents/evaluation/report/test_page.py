@@ -240,6 +240,35 @@ def test_the_headline_says_who_leads(
     assert sentence in " ".join(found["sentences"])
 
 
+def test_a_report_says_what_each_policy_knows(tmp_path: Path) -> None:
+    lengths = {
+        "multi-start": {"x": [150.0], "y": [155.0]},
+        "single-start": {"x": [160.0], "y": [170.0]},
+        "guided": {"x": [141.0], "y": [142.0]},
+        "runs/mine": {"x": [141.5], "y": [142.5]},
+    }
+    write_report(write_results(tmp_path, lengths))
+    data = held(tmp_path)
+    knows = {one["policy"]: one["knows"] for one in data["statistics"]["policies"]}
+    assert knows == {
+        "multi-start": "nearby",
+        "single-start": "nearby",
+        "guided": "whole field",
+        "runs/mine": None,
+    }
+    assert list(data["knowledge"]) == ["whole field", "nearby", "?"]
+    first, second, *_ = data["headline"]["sentences"]
+    assert first.startswith("guided (whole field) has the highest SPL, 0.98")
+    assert second.startswith("Of the policies listed as nearby, multi-start has the highest SPL")
+    # what a summary records goes before the names, but not what is malformed
+    rows = [{"policy": "runs/mine", "knows": "nearby"}, {"policy": "guided", "knows": 7}, "?"]
+    summary = {"statistics": {"policies": rows}}
+    (tmp_path / "summary.json").write_text(json.dumps(summary))
+    write_report(tmp_path)
+    again = {one["policy"]: one["knows"] for one in held(tmp_path)["statistics"]["policies"]}
+    assert again == knows | {"runs/mine": "nearby"}
+
+
 def test_the_summary_tells_how_results_were_made_and_times_of_all_decisions(three: Path) -> None:
     made = {
         "command": "ferguson evaluate",
