@@ -8,6 +8,7 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
+from agents.flights import fly
 from agents.models.model_card import ModelCard
 from agents.policies.knowledge import HEADINGS, grouped, label_by_name, labels
 from agents.policies.registry import make_policy
@@ -103,6 +104,18 @@ def test_a_distant_obstacle_changes_the_flight_of_those_alone_that_know_it(
 ) -> None:
     assert np.array_equal(first_action(name, OPEN), first_action(name, CLOSED)) == same
     assert label_by_name(name) == ("nearby" if same else "whole field")
+
+
+@pytest.mark.parametrize("name", ["single-start", "multi-start", "guided+sensing=20"])
+def test_windows_that_end_on_the_goal_see_no_more(name: str) -> None:
+    goal, near = np.array([34.0, 20.0]), [*NEAR, [22.0, 20.0]]
+    far = [[100.0, 95.0], [95.0, 10.0], [20.0, 85.0]]
+    discs = Discs(near, [3.0, 3.0, 4.0]), Discs([*near, *far], [3.0, 3.0, 4.0, 10.0, 9.0, 8.0])
+    fields = [Field(name=str(k), obstacles=one, goal=goal) for k, one in enumerate(discs)]
+    first, second = (fly(name, field) for field in fields)
+    assert first.success
+    assert any(decision.report.final for decision in first.decisions)
+    np.testing.assert_array_equal(first.control, second.control)
 
 
 def test_a_shield_knows_the_whole_field_whatever_decides() -> None:
