@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from rich.console import Console
+from rich.table import Table
 from scipy.stats import trim_mean
 
 from agents.evaluation import bootstrap, tables
@@ -298,3 +299,15 @@ def test_the_terminal_shows_intervals_and_the_best_against_all(tmp_path: Path) -
     assert "100.0 (100.0-100.0)" in shown[3]
     write_results(tmp_path, {"alone": {"f": [150.0]}})
     assert tables.against_the_best(summarise(tmp_path), {}) is None
+
+
+def test_tables_show_what_a_summary_records_and_derive_what_it_does_not(tmp_path: Path) -> None:
+    lengths = {name: {"x": [150.0], "y": [151.0]} for name in ("runs/mine", "guided", "runs/old")}
+    found = summarise(write_results(tmp_path, lengths))
+    mine, guided, _ = found["policies"]
+    mine["knows"] = "nearby"
+    del guided["knows"]  # as in the summary of an older evaluation
+    first, *_ = tables.of_summary({"statistics": found, "policies": []})
+    assert isinstance(first, Table)
+    names = [str(cell) for cell in first.columns[0].cells]
+    assert names == ["whole field:", "guided", "nearby:", "runs/mine", "?:", "runs/old"]
