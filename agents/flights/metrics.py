@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ferguson_gym.runtime.arrays import Array
 
@@ -49,7 +49,7 @@ def success_interval(successes: float, number: int) -> Interval:
     if not 0 <= successes <= number or number == 0:
         raise ValueError(f"need at least one trial, got {successes} successes of {number}")
     # scipy.stats.binomtest has the same interval, but for whole numbers alone
-    share, z = successes / number, float(norm.ppf(0.5 + CONFIDENCE / 2.0))
+    share, z = successes / number, float(ndtri(0.5 + CONFIDENCE / 2.0))
     middle = (share + z * z / (2.0 * number)) / (1.0 + z * z / number)
     half = z / (1.0 + z * z / number)
     half *= math.sqrt(share * (1.0 - share) / number + z * z / (4.0 * number**2))

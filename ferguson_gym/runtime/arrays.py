@@ -48,6 +48,9 @@ def finite(name: str, value: ArrayLike, shape: tuple[int | None, ...]) -> Array:
         ValueError: not real numbers, another shape, or an entry that is NaN, infinite or beyond
             `LARGEST`; the message names the array.
     """
+    number: object = value
+    if not shape and type(number) is float and abs(number) <= LARGEST:
+        return np.array(number)  # most numbers; what follows takes ten times as long
     array = real(name, value, "an array of numbers" if shape else "a number")
     if len(array.shape) != len(shape) or any(
         want is not None and want != got for want, got in zip(shape, array.shape, strict=True)

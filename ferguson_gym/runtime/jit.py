@@ -39,13 +39,16 @@ class Sources:
     def __init__(self, root: Path) -> None:
         self._root = root
         self._read: dict[str, tuple[bytes, set[str]]] = {}
+        self._digests: dict[str, str] = {}
 
     def digest(self, module: str) -> str:
         """Short digest of a module, given by its dotted name, and of all that it reaches."""
-        state = hashlib.sha256()
-        for name in sorted(self.reachable(module)):
-            state.update(name.encode() + self._content(name)[0])
-        return state.hexdigest()[:12]
+        if module not in self._digests:
+            state = hashlib.sha256()
+            for name in sorted(self.reachable(module)):
+                state.update(name.encode() + self._content(name)[0])
+            self._digests[module] = state.hexdigest()[:12]
+        return self._digests[module]
 
     def reachable(self, module: str) -> set[str]:
         """A module and those of `PACKAGES` that it imports, directly or not, by dotted names.

@@ -20,9 +20,6 @@ import time
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import dijkstra
-from scipy.spatial import Voronoi
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, transition
@@ -51,6 +48,11 @@ class VoronoiEdges:
         Raises:
             TypeError: obstacles other than discs in the plane.
         """
+        # a third of the time in which all planners are imported, and only this one needs them
+        from scipy.sparse import csr_array
+        from scipy.sparse.csgraph import dijkstra
+        from scipy.spatial import Voronoi
+
         began = time.perf_counter()
         scene = scene_from(field, vehicle.position)
         if scene is None:
