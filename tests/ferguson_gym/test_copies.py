@@ -107,9 +107,11 @@ def test_a_copy_of_vector_environments_goes_on_as_the_original(
         expected = flat(results[0])
         assert all(flat(result) == expected for result in results[1:])
         for i in range(number):
-            assert len({one.field(i).name for one in envs}) == 1
             assert all((one.control(i) == first.control(i)).all() for one in envs)
-        names |= {first.field(i).name for i in range(number)}
+        if k < 60 or k % 16 == 0 or k == 300:  # `field` draws the discs again
+            flown = [[one.field(i).name for i in range(number)] for one in envs]
+            assert all(each == flown[0] for each in flown)
+            names.update(flown[0])
     assert len(envs) >= 4
     assert len(names) > 30
     states = [[each.bit_generator.state for each in one.np_random] for one in envs]

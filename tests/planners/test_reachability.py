@@ -58,14 +58,15 @@ def test_a_goal_beyond_all_segments_is_reported_before_planning(
 
 def test_a_detour_beyond_all_segments_explains_a_failure() -> None:
     # a wall between start and goal that leaves only a long way around
-    centers = np.column_stack([np.full(41, 5.0), np.arange(-100.0, 310.0, 10.0)])
-    wall = Discs(centers, np.full(41, 7.0))
+    centers = np.column_stack([np.full(16, 5.0), np.arange(-40.0, 120.0, 10.0)])
+    wall = Discs(centers, np.full(16, 7.0))
     field = Field(
         name="wall",
         obstacles=wall,
         start=np.array([-20.0, 0.0]),
         goal=np.array([30.0, 0.0]),
-        bounds=np.array([[-100.0, -100.0], [100.0, 400.0]]),
+        bounds=np.array([[-40.0, -40.0], [50.0, 140.0]]),
+        limits=Limits(segments=12),
     )
     assert unreachable_plan(field, exact=False) is None
     plan = unreachable_plan(field)

@@ -1,4 +1,4 @@
-"""The greatest curvature against dense samples and a search in exact fractions."""
+"""The greatest curvature against dense samples and a search in exact numbers."""
 
 import math
 import time

@@ -89,7 +89,7 @@ def test_no_disc_counts_before_it_was_seen(spec: str) -> None:
     field = get_field(spec)
     _, plan = sensed(field)
     first = seen_at(field, plan)
-    late = [disc for disc, seen in enumerate(first) if seen < 0 or seen > 2][::5]
+    late = [disc for disc, seen in enumerate(first) if seen < 0 or seen > 2][::10]
     assert late
     for disc in late:
         _, other = sensed(without(field, disc))
@@ -116,8 +116,8 @@ def test_every_segment_decided_is_feasible_among_all_obstacles(name: str, reach:
 def test_planning_from_any_state_on_the_way_gives_the_rest(spec: str) -> None:
     field = get_field(spec)
     planner, plan = sensed(field)
-    for flown, state in enumerate(plan.states[:-1]):
-        again = planner.plan(get_field(spec), state, 0)
+    for flown in range(1, len(plan.control), 4):
+        again = planner.plan(get_field(spec), plan.states[flown], 0)
         np.testing.assert_array_equal(again.control, plan.control[flown:])
 
 
