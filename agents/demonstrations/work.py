@@ -16,9 +16,9 @@ import ferguson_gym
 from agents.demonstrations.episode import Episode, make_environment, pack, record, unpack
 from agents.policies import Policy, make_policy
 from agents.runtime.chunk_store import ChunkStore
-from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
 from agents.runtime.provenance import commit, facts
+from agents.runtime.worker_processes import map_in_processes
 from ferguson_gym.simulation import Observation, arguments_to_save
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field_names import family
@@ -100,7 +100,7 @@ def fly(store: ChunkStore, request: Request, missing: Iterable[int], workers: in
         The number of fields of each finished chunk.
 
     Raises:
-        WorkerDiedError: a worker died; finished chunks are kept.
+        WorkerDiedError: workers died repeatedly at the same chunk; finished chunks are kept.
     """
     arguments = json.dumps(request.environment, sort_keys=True)
     calls = (

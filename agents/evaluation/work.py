@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -17,13 +16,12 @@ from agents.evaluation.request import Chunk, Request, name_of
 from agents.flights import Flight
 from agents.flights.flight_table import PATHS, Columns, FlightTable, check, drawable, join
 from agents.runtime.chunk_store import ChunkStore, read_json, refuse_other
-from agents.runtime.executors import Backend, Call, Run, WorkerDiedError, open_backend
+from agents.runtime.executors import Backend, Run, open_backend
+from agents.runtime.worker_processes import WorkerDiedError
 from ferguson_gym.runtime.arrays import Array
 
 WORK = ".unfinished"
 """Name of the work directory in a directory of results."""
-DEATHS = 3
-"""Deaths of workers with a chunk, or a flight, after which it is taken to be the cause."""
 
 
 @dataclass(frozen=True)
@@ -138,27 +136,25 @@ def fly(
 ) -> Iterator[int]:
     """Fly and store the missing chunks; yields the number of flights of each finished chunk.
 
-    When a worker dies, another one flies its chunks again. A chunk whose workers died each time is
-    flown flight by flight, after all others, to find the flight that is the cause.
+    When a worker dies, another one flies its chunks again. Chunks of which one ended its workers
+    every time are flown flight by flight, after all others, to find the flight that is the cause.
 
     Raises:
         ChildProcessError: One flight ends its worker every time.
         OSError: The connection to the scheduler was lost, or a file cannot be written.
     """
     left = {chunk.number: task_of(work.request, chunk, batch) for chunk in missing}
-    blame: Counter[int] = Counter()
+    suspects: set[int] = set()
     with open_backend(backend) as run:
         while left:
-            held: set[int] = set()
-            rest = [task for number, task in left.items() if blame[number] < DEATHS]
+            rest = [task for number, task in left.items() if number not in suspects]
             try:
-                for result in run(_calls(rest, held)):
+                for result in run(delayed(fly_task)(task) for task in rest):
                     _check_software(work.request, result)
                     work.store.write(result.chunk, result.columns)
-                    held.discard(result.chunk)
                     yield len(left.pop(result.chunk).flights)
-            except WorkerDiedError:
-                blame.update(held)
+            except WorkerDiedError as error:
+                suspects.update(task.chunk for _, (task,), _ in error.calls)
                 continue
             yield from _suspects(work, left, run)
 
@@ -180,27 +176,18 @@ def _suspects(work: Work, left: dict[int, Task], run: Run) -> Iterator[int]:
         raise fatal[0]
 
 
-def _calls(tasks: Iterable[Task], held: set[int]) -> Iterator[Call]:
-    """Calls that fly tasks; their chunks are added to `held` when a worker receives them."""
-    for task in tasks:
-        held.add(task.chunk)
-        yield delayed(fly_task)(task)
-
-
 def _run_alone(run: Run, task: Task) -> Result:
     """The result of a task of one flight, with no other task in flight."""
-    for _ in range(DEATHS):
-        try:
-            (result,) = run(_calls([task], set()), 1)
-        except WorkerDiedError:
-            continue
-        found: Result = result
-        return found
-    (source, seed) = task.flights[0]
-    raise ChildProcessError(
-        f"a worker died {DEATHS} times while {task.policy} flew the field {name_of(source)}, seed "
-        f"{seed}: too little memory, or a crash in a library; finished chunks are kept"
-    )
+    try:
+        (result,) = run([delayed(fly_task)(task)], 1)
+    except WorkerDiedError:
+        (source, seed) = task.flights[0]
+        raise ChildProcessError(
+            f"workers died every time that {task.policy} flew the field {name_of(source)}, seed "
+            f"{seed}: too little memory, or a crash in a library; finished chunks are kept"
+        ) from None
+    found: Result = result
+    return found
 
 
 def _check_software(request: Request, result: Result) -> None:

@@ -1,135 +1,29 @@
-"""Work spread over worker processes of this machine, or over the workers of a Dask cluster."""
+"""Backends of an evaluation: worker processes of this machine, or the workers of a Dask cluster."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 import logging
-import os
 import re
 import socket
-import threading
-import time
-import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from joblib import Parallel, delayed
-
 from agents.runtime import registrations
-from agents.runtime.interrupts import defer_interrupt, shield_new_processes
 from agents.runtime.registrations import Registrations
 from agents.runtime.safe_npz import reason
-from ferguson_gym.runtime.compilation import PACKAGE
+from agents.runtime.worker_processes import RESUMES, Call, WorkerDiedError, map_in_processes
 from ferguson_gym.runtime.optional_dependencies import installing
 
 PROCESSES, DASK = "processes", "dask"
 BACKENDS = (PROCESSES, DASK)
 TIMEOUT = 5.0
 """Time limit for an answer of the scheduler [s]."""
-RESUMES = "what is finished is kept, and the same command resumes"
-Call = tuple[Callable[..., Any], Sequence[Any], Mapping[str, Any]]
-"""A function with its arguments, as `joblib.delayed` returns it."""
-
-
-class WorkerDiedError(ChildProcessError):
-    """A worker ended before it finished its call."""
-
-
-@contextmanager
-def map_in_processes(
-    calls: Iterable[Call],
-    workers: int,
-    *,
-    in_order: bool = False,
-    ahead: int | None = None,
-    afterwards: str = RESUMES,
-) -> Iterator[Iterator[Any]]:
-    """Spread calls over worker processes, which start immediately and know this one's planners.
-
-    Workers ignore Ctrl-C and end with this process. Calls that are unfinished at the end of the
-    block are cancelled.
-
-    Args:
-        calls: the calls; the next one is read when a worker is free.
-        workers: number of processes. With 1, calls run in this process as results are read.
-        in_order: whether results keep the order of their calls.
-        ahead: number of calls handed out at a time; None: two for each worker.
-        afterwards: end of the message of `WorkerDiedError`: what is kept and how to resume.
-
-    Yields:
-        An iterator over the results.
-
-    Raises:
-        WorkerDiedError: A worker process died.
-        OSError: A planner registered here cannot be sent to a worker.
-        KeyboardInterrupt: Ctrl-C was pressed; between two calls if `workers` is 1.
-    """
-    if workers == 1:
-        yield _one_by_one(calls)
-        return
-    parallel = Parallel(
-        n_jobs=workers,
-        backend="loky",
-        return_as="generator" if in_order else "generator_unordered",
-        batch_size="auto" if in_order else 1,  # a finished result does not wait for others
-        pre_dispatch=ahead or 2 * workers,
-        max_nbytes=None,  # arguments travel through pipes, not through files
-    )
-    sent = os.getpid(), registrations.sendable()
-    with shield_new_processes():
-        results = parallel(delayed(_call_in_worker)(*sent, *call) for call in calls)
-    try:
-        yield results
-    except BrokenProcessPool:
-        raise WorkerDiedError(
-            "a worker process died: killed, or short of memory, of which fewer --workers take "
-            f"less; {afterwards}"
-        ) from None
-    finally:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # joblib warns of cancelled calls
-            results.close()
-
-
-def _one_by_one(calls: Iterable[Call]) -> Iterator[Any]:
-    for function, given, named in calls:
-        with defer_interrupt():
-            result = function(*given, **named)
-        yield result
-
-
-_watched = threading.Event()
-"""Set in a worker process once the thread runs that ends it with its parent."""
-
-
-def _call_in_worker(
-    parent: int,
-    planners: Registrations,
-    function: Callable[..., Any],
-    given: Sequence[Any],
-    named: Mapping[str, Any],
-) -> Any:
-    if not _watched.is_set():
-        _watched.set()
-        logging.getLogger(PACKAGE).setLevel(logging.ERROR)  # the first process announces it
-        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
-    registrations.adopt(planners)
-    return function(*given, **named)
-
-
-def _end_with(parent: int) -> None:
-    """End this process when its parent has ended, also if the parent was killed."""
-    if os.name != "posix":  # elsewhere a process keeps its parent's number
-        return
-    while os.getppid() == parent:
-        time.sleep(0.5)
-    os._exit(1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,8 +105,9 @@ def open_backend(backend: Backend) -> Iterator[Run]:
     """Connect to a backend.
 
     Yields:
-        A function that runs calls there. It raises `WorkerDiedError` if a worker died, and may then
-        be called again; it raises OSError if the connection to the scheduler is lost.
+        A function that runs calls there. It raises `WorkerDiedError` if workers died with a call
+        every time that it was tried, and may then be called again; it raises OSError if the
+        connection to the scheduler is lost.
     """
     if backend.name == DASK:
         with _dask(backend) as client:
@@ -261,16 +156,21 @@ def _in_cluster(
     waiting, planners = iter(calls), registrations.sendable()
     finished = distributed.as_completed(loop=client.loop)
 
+    held: dict[str, Call] = {}
+
     def hand_out(number: int) -> None:
         for call in islice(waiting, number):
-            finished.add(client.submit(_attempt, planners, *call, pure=False))
+            future = client.submit(_attempt, planners, *call, pure=False)
+            held[future.key] = call
+            finished.add(future)
 
     hand_out(ahead or 2 * max(1, sum(client.nthreads().values())))
     for future in finished:
+        call = held.pop(future.key)
         try:
             result, error = future.result()
         except distributed.KilledWorker:  # the scheduler has tried several workers
-            raise WorkerDiedError(f"workers of {backend.address} died; {RESUMES}") from None
+            raise WorkerDiedError(f"workers of {backend.address} died; {RESUMES}", [call]) from None
         except CancelledError:
             raise OSError(f"lost the dask scheduler at {backend.address}; {RESUMES}") from None
         except Exception as error:

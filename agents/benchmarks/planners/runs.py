@@ -12,7 +12,7 @@ import numpy as np
 from joblib import delayed
 
 from agents.policies.warm_up import warm
-from agents.runtime.executors import map_in_processes
+from agents.runtime.worker_processes import map_in_processes
 from ferguson_gym.curves import Path
 from ferguson_gym.curves.turning import bending_energy, fastest_turn
 from ferguson_gym.runtime.arrays import Array
@@ -180,7 +180,7 @@ def runs(
     All planners plan a field before the next, so that a slow phase of the machine affects all.
 
     Raises:
-        WorkerDiedError: a worker died.
+        WorkerDiedError: workers died repeatedly at the same plan.
     """
     tasks = itertools.product(fields, seeds, planners)
     calls = (delayed(run)(name, seconds, field, seed) for field, seed, name in tasks)

@@ -13,8 +13,8 @@ from torch import nn
 
 from agents.demonstrations import Demonstrations
 from agents.models.model_card import ModelCard
-from agents.runtime.executors import map_in_processes
 from agents.runtime.interrupts import raise_if_interrupted
+from agents.runtime.worker_processes import map_in_processes
 from agents.training.imitation import dagger_rollouts
 from agents.training.imitation.dagger_rollouts import RolloutRequest, Rollouts
 from agents.training.imitation.dataset import ImitationDataset

@@ -87,6 +87,7 @@ def test_workers_end_with_the_run_that_is_killed(
 
 
 @pytest.mark.slow
+@pytest.mark.filterwarnings("default:a worker process died")
 def test_a_worker_that_is_killed_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

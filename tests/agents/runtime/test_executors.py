@@ -17,7 +17,8 @@ from agents.evaluation.request import Request
 from agents.evaluation.work import WORK
 from agents.runtime import executors
 from agents.runtime.chunk_store import ChunkStore
-from agents.runtime.executors import Backend, Call, WorkerDiedError, open_backend, parse_address
+from agents.runtime.executors import Backend, open_backend, parse_address
+from agents.runtime.worker_processes import Call, WorkerDiedError
 from tests.support.processes.dask_cluster import cluster, free_port
 
 NAMES = ("flights.csv", "paths.npz")
@@ -125,8 +126,10 @@ def test_calls_in_flight_are_bounded_and_failures_are_distinguished(
                 list(run([delayed(divmod)(1, 0)]))
             with pytest.raises(OSError, match=r"could not start a call .*is the same version"):
                 list(run([delayed(repr)(Unreadable())]))
-            with pytest.raises(WorkerDiedError, match=f"workers of {address} died"):
-                list(run([delayed(os._exit)(3)]))
+            fatal = delayed(os._exit)(3)
+            with pytest.raises(WorkerDiedError, match=f"workers of {address} died") as died:
+                list(run([fatal, delayed(divmod)(7, 3)], 1))
+            assert died.value.calls == (fatal,)
 
 
 @pytest.mark.parametrize(

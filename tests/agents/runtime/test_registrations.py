@@ -13,7 +13,7 @@ from unittest.mock import patch
 import pytest
 from joblib import delayed
 
-from agents.runtime.executors import map_in_processes
+from agents.runtime.worker_processes import map_in_processes
 from planners import PLANNERS, make, register
 from planners.receding_horizon import Pursuit
 from tests.support.places import ROOT

@@ -19,7 +19,7 @@ from agents.cli import compile_notice
 from agents.cli.main import _parser, main
 from agents.evaluation.statistics import summarise
 from agents.evaluation.tables import of_summary
-from agents.runtime import executors, terminal
+from agents.runtime import terminal, worker_processes
 from agents.runtime.terminal import Terminal
 from ferguson_gym.runtime import cache_directory, compilation
 from tests.support.written_results import write_results
@@ -153,7 +153,7 @@ def test_commands_print_what_the_package_reports_of_its_compilation(
 
 
 def test_workers_do_not_announce_what_the_first_process_does() -> None:
-    with executors.map_in_processes([(logger_level, (), {})] * 2, 2) as levels:
+    with worker_processes.map_in_processes([(logger_level, (), {})] * 2, 2) as levels:
         assert list(levels) == [logging.ERROR] * 2
     assert logger_level() == logging.NOTSET
 

@@ -16,7 +16,7 @@ from agents.cli.main import main
 from agents.demonstrations import work
 from agents.evaluation import chunks, timing
 from agents.evaluation.work import WORK
-from agents.runtime.executors import Call, WorkerDiedError, map_in_processes
+from agents.runtime.worker_processes import DEATHS, Call, WorkerDiedError, map_in_processes
 from tests.support.waiting import until, worker_processes
 
 RESUME = "what is there is kept"
@@ -29,13 +29,50 @@ def test_results_come_in_order(workers: int) -> None:
         assert list(results) == [divmod(number, 3) for number in range(10)]
 
 
-def test_a_dead_worker_is_reported_in_one_line() -> None:
+def die_at_first(place: Path, deaths: int, number: int) -> int:
+    """The number; at the first calls in any process, the process is killed instead."""
+    place.mkdir(exist_ok=True)
+    if len(list(place.iterdir())) < deaths:
+        (place / str(os.getpid())).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+@pytest.mark.parametrize(("in_order", "deaths"), [(True, 1), (False, DEATHS - 1)])
+def test_calls_of_workers_that_died_are_run_again(
+    in_order: bool, deaths: int, tmp_path: Path
+) -> None:
+    where = tmp_path / "deaths"
+    calls = [delayed(divmod)(number, 3) for number in range(10)]
+    calls[4:4] = [delayed(die_at_first)(where, deaths, 7)]
+    with (
+        pytest.warns(RuntimeWarning, match=r"a worker process died \(SIGKILL\(-9\)") as said,
+        map_in_processes(iter(calls), 2, in_order=in_order) as results,
+    ):
+        found = list(results)
+    expected = [divmod(number, 3) for number in range(10)]
+    expected[4:4] = [7]
+    assert (found if in_order else sorted(found, key=str)) == (
+        expected if in_order else sorted(expected, key=str)
+    )
+    assert len(said) == len({str(one.message) for one in said}) == deaths
+    assert len(list(where.iterdir())) == deaths
+
+
+def test_calls_whose_workers_always_die_are_reported_in_one_line() -> None:
+    fatal = delayed(os._exit)(3)
+
     def run(calls: list[Call]) -> None:
         with map_in_processes(calls, 2, afterwards=RESUME) as results:
             list(results)
 
-    with pytest.raises(WorkerDiedError, match=f"died: killed, or short of memory.*; {RESUME}$"):
-        run([delayed(os._exit)(3) for _ in range(4)])
+    told = rf"died 3 times in a row at the same work \(EXIT\(3\).*fewer --workers.*; {RESUME}$"
+    with (
+        pytest.warns(RuntimeWarning, match="new workers repeat"),
+        pytest.raises(WorkerDiedError, match=told) as died,
+    ):
+        run([delayed(divmod)(7, 3), fatal])
+    assert fatal in died.value.calls
 
 
 def press(module: Any, name: str, patch: pytest.MonkeyPatch, at: int) -> list[int]:
@@ -115,9 +152,9 @@ COMMANDS = {
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="reads /proc")
 @pytest.mark.parametrize("what", COMMANDS)
-@pytest.mark.parametrize("stop", ["a worker is killed", "Ctrl-C"])
-def test_commands_end_in_one_line_and_leave_nothing_running(
-    what: str, stop: str, tmp_path: Path
+@pytest.mark.parametrize("killed", [False, True])
+def test_commands_replace_a_killed_worker_and_leave_nothing_running_after_ctrl_c(
+    what: str, killed: bool, tmp_path: Path
 ) -> None:
     pytest.importorskip({"demos": "minari", "dagger": "sb3_contrib"}.get(what, "joblib"))
     with subprocess.Popen(
@@ -130,19 +167,18 @@ def test_commands_end_in_one_line_and_leave_nothing_running(
         assert until(lambda: len(worker_processes(run.pid)) == 2 or run.poll() is not None, 120.0)
         time.sleep(1.0)
         workers = worker_processes(run.pid)
-        if stop == "Ctrl-C":
-            os.killpg(run.pid, signal.SIGINT)  # as a terminal does
-        else:
+        if killed:
             os.kill(workers[0], signal.SIGKILL)
+            assert until(lambda: len({*worker_processes(run.pid)} - {*workers}) == 2, 60.0)
+            workers += worker_processes(run.pid)
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does
         assert run.stderr is not None
         lines = run.stderr.read().splitlines()
     assert until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in workers))
     assert {path.name for path in tmp_path.iterdir()} <= {".some-v0.part", "runs", "b"}
     assert "Traceback" not in "".join(lines)
-    if stop == "Ctrl-C":
-        assert run.returncode == 130
-        assert lines[-1] == "ferguson: interrupted"
-    else:
-        assert run.returncode == 2
-        assert len(lines) == 1
-        assert lines[0].startswith("ferguson: a worker process died: killed, or short of memory")
+    assert run.returncode == 130
+    assert lines[-1] == "ferguson: interrupted"
+    warned = [line for line in lines if line.startswith("ferguson: warning: ")]
+    assert len(warned) == killed
+    assert all("a worker process died (SIGKILL(-9))" in line for line in warned)

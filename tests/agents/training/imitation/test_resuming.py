@@ -19,8 +19,10 @@ pytest.importorskip("yaml")
 
 from agents.cli.main import main
 from agents.cli.shared_options import RESUME_NOTE
+from agents.runtime.worker_processes import WorkerDiedError
 from agents.training.imitation import dagger_rollouts
 from agents.training.imitation.behavior_cloning import BehaviorCloning
+from agents.training.imitation.dagger_rollouts import RolloutRequest, Rollouts
 from agents.training.imitation.dataset import COLUMNS, ImitationDataset
 from agents.training.learning_curve import TrainingRecord
 from tests.support.small_models import same, weights_of
@@ -94,6 +96,29 @@ def test_a_resumed_training_ends_with_the_weights_of_an_uninterrupted_one(
     assert curve_of(tmp_path / "out") == whole[1]
     assert same(weights_of(tmp_path / "out"), whole[0])
     assert not (tmp_path / "out/checkpoint").exists()
+
+
+def test_a_training_whose_workers_always_die_says_so_and_resumes(
+    command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(command("dagger")) == 0
+    whole = weights_of(tmp_path / "out"), curve_of(tmp_path / "out")
+    capsys.readouterr()
+    collect = dagger_rollouts.collect
+
+    def dying(request: RolloutRequest) -> Rollouts:
+        if request.stream[1] == 2:
+            raise WorkerDiedError("workers died", ())
+        return collect(request)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(dagger_rollouts, "collect", dying)
+        assert main(command("dagger", "--fresh", "--quiet")) == 2
+    assert capsys.readouterr().err == "ferguson: workers died\n"
+    assert not (tmp_path / "out/model.zip").exists()
+    assert main(command("dagger")) == 0
+    assert curve_of(tmp_path / "out") == whole[1]
+    assert same(weights_of(tmp_path / "out"), whole[0])
 
 
 def test_rollouts_of_finished_rounds_are_kept_and_not_repeated(

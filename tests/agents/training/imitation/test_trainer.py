@@ -1,9 +1,12 @@
 """Imitation as `ferguson train` runs it: results do not depend on workers, threads or process."""
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +23,15 @@ from agents.cli.main import main
 from agents.flights.batched import fly_batch
 from agents.flights.metrics import score
 from agents.models import loading
+from agents.training.imitation import dagger_rollouts
 from agents.training.imitation.behavior_cloning import BehaviorCloning
+from agents.training.imitation.dagger_rollouts import RolloutRequest, Rollouts
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.world.field_names import get_fields
 from tests.support.small_models import card_of, same, saved, weights_of
 from tests.support.tiny_imitation import CHOSEN, REPORTED, TINY, Command, curve_of
+
+COLLECT = dagger_rollouts.collect
 
 
 def test_dagger_writes_a_model_its_card_and_its_curve(
@@ -89,6 +96,36 @@ def test_the_number_of_workers_does_not_change_the_weights(
     torch.set_num_threads(1)
     assert same(found[0][0], found[1][0])
     assert found[0][1] == found[1][1]
+
+
+def killed_once(mark: Path, request: RolloutRequest) -> Rollouts:
+    """Rollouts; in the middle of a round, the worker process is killed at the first try."""
+    _, rounds, share = request.stream
+    if (rounds, share) == (2, 3) and not mark.exists():
+        mark.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return COLLECT(request)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no SIGKILL")
+@pytest.mark.filterwarnings("default:a worker process died")
+def test_a_killed_worker_is_reported_and_does_not_change_the_weights(
+    command: Command,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(command("dagger")) == 0
+    whole = weights_of(tmp_path / "out"), curve_of(tmp_path / "out")
+    capsys.readouterr()
+    monkeypatch.setattr(dagger_rollouts, "collect", partial(killed_once, tmp_path / "mark"))
+    assert main(command("dagger", "--workers", "2", "--fresh", "--quiet")) == 0
+    assert (tmp_path / "mark").exists()
+    error = capsys.readouterr().err
+    assert error.startswith("ferguson: warning: a worker process died (SIGKILL(-9))")
+    assert error.count("\n") == 1
+    assert curve_of(tmp_path / "out") == whole[1]
+    assert same(weights_of(tmp_path / "out"), whole[0])
 
 
 @pytest.mark.usefixtures("demos")
