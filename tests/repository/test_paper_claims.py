@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from ferguson_gym.curves.arc_length import length
@@ -17,7 +18,9 @@ def claims(benchmark: Callable[[str], Any]) -> Any:
 
 
 def test_every_variant_flies_and_each_is_held_against_its_reference(claims: Any) -> None:
-    flights = [claims.fly(get_field(f"sparse/train:{k}"), k, 2) for k in range(2)]
+    # two dozen planners fly there: the goal is nearer than usual
+    near = [replace(get_field(f"sparse/train:{k}"), goal=np.array([66.0, 66.0])) for k in range(2)]
+    flights = [claims.fly(field, k, 2) for k, field in enumerate(near)]
     # those by SLSQP fly a tenth of the fields, and the first of them in any case
     assert set(flights[0]) == set(claims.variants())
     assert {name for name in flights[0] if "SLSQP" in name} == set(flights[0]) - set(flights[1])
