@@ -15,7 +15,8 @@ EVERY = 60.0
 class ProgressLines(Progress):
     """Writes a line for each unfinished task about once a minute.
 
-    The first line comes after a minute: what takes less needs no progress.
+    The first line comes after a minute: what takes less needs no progress. A field `line` of a task
+    replaces its line.
     """
 
     def __init__(
@@ -67,6 +68,8 @@ class ProgressLines(Progress):
             self.refresh()
 
     def _line(self, task: Task) -> str:
+        if (line := task.fields.get("line")) is not None:
+            return str(line)
         text = task.description
         if task.total is not None and self._counts:
             text = f"{text}: {task.completed:,.0f} of {task.total:,.0f}"

@@ -23,7 +23,11 @@ CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-9
 """Fields on which the best model is chosen, and fields on which it is reported."""
 _CONFIGURATION = "run.json"
 _DONE = "model.json"
-FILES = (_CONFIGURATION, "model.zip", _DONE, "curve.csv", "best", "checkpoint", "tensorboard")
+PROGRESS = "progress.json"
+FILES = (
+    *(_CONFIGURATION, "model.zip", _DONE, "curve.csv", PROGRESS),
+    *("best", "checkpoint", "tensorboard"),
+)
 """Names of what a run writes into its directory."""
 
 

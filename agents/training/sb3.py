@@ -9,7 +9,6 @@ from typing import Any
 import numba
 import numpy as np
 import torch
-from rich.progress import Progress, TaskID
 from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -31,6 +30,7 @@ from agents.training.budget import STOPPING, LinearSchedule, TrainingBudget
 from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import TrainingRecord, card_of
+from agents.training.progress import TrainingProgress, show_progress, write_progress
 from agents.training.run import Run
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.world.field_names import get_fields
@@ -84,6 +84,7 @@ def prepare(run: Run) -> Job:
         budget.start(seconds)
         _learn(run, model, record, budget)
         record.finish()
+        write_progress(run, record, budget, "finished")
         shutil.rmtree(place)
         return DONE
 
@@ -180,8 +181,8 @@ def _learn(run: Run, model: BaseAlgorithm, record: TrainingRecord, budget: Train
     """
     model.set_logger(configure(str(run.directory / "tensorboard"), ["tensorboard"]))
     most, checkpoint = run.most_steps, run.directory / "checkpoint"
-    with defer_interrupt(STOPPING) as interrupt, run.terminal.share_bar() as bar:
-        callback = _TrainingCallback(run, record, budget, interrupt, bar)
+    with show_progress(run, record, budget) as progress, defer_interrupt(STOPPING) as interrupt:
+        callback = _TrainingCallback(run, record, budget, interrupt, progress)
         left = (_ENDLESS if most is None else most) - model.num_timesteps
         if left > 0 and not budget.time_is_up:
             every = _LOGGED_ROLLOUTS if run.algorithm == "ppo" else _LOGGED_EPISODES
@@ -206,13 +207,12 @@ class _TrainingCallback(BaseCallback):
         record: TrainingRecord,
         budget: TrainingBudget,
         interrupt: Interrupt,
-        bar: Progress,
+        progress: TrainingProgress,
     ) -> None:
         super().__init__()
         self._run, self._record, self._budget = run, record, budget
-        self._interrupt, self._bar = interrupt, bar
+        self._interrupt, self._progress = interrupt, progress
         self._critic_alone = run.hyperparameters.learner.get(_CRITIC_ALONE, 0)
-        self._task: TaskID = bar.add_task(run.algorithm, total=1.0)
         self._checkpoint_time = time.monotonic()
 
     def _on_rollout_start(self) -> None:
@@ -241,11 +241,5 @@ class _TrainingCallback(BaseCallback):
 
     def _on_step(self) -> bool:
         self._budget.steps = self.model.num_timesteps
-        best = self._record.best
-        text = f"{self._run.algorithm}, {self._budget.steps:,} steps"
-        self._bar.update(
-            self._task,
-            completed=self._budget.done,
-            description=text if best is None else f"{text}, best SPL {best:.4f}",
-        )
+        self._progress.update()
         return not (self._interrupt.pressed or self._budget.time_is_up)

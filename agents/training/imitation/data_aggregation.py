@@ -24,7 +24,7 @@ from agents.training.run import Run
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation.settings import settings_of
 
-_SHARES = 8
+SHARES = 8
 """Requests that the rollouts of a round are split into, whatever the number of workers."""
 _FIELDS = 10_000_000
 """Number of fields reserved for each seed of a run."""
@@ -95,7 +95,7 @@ class DataAggregation:
         per_round = self._run.hyperparameters.n_envs
         before = self._options.first - 1 if self.rounds else 0
         first = self._run.seed * _FIELDS + per_round * (self.rounds + before)
-        shares = _SHARES * multiple
+        shares = SHARES * multiple
         cuts = [first + per_round * multiple * share // shares for share in range(shares + 1)]
         return [range(begin, end) for begin, end in itertools.pairwise(cuts)]
 

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import math
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import cast
 
 import numba
 import numpy as np
 import torch
-from rich.progress import Progress
 from stable_baselines3 import PPO
 from stable_baselines3.common.policies import ActorCriticPolicy
 from torch.utils.tensorboard import SummaryWriter
@@ -33,9 +32,10 @@ from agents.training.checkpoint import damaged
 from agents.training.hyperparameters import slope
 from agents.training.imitation.behavior_cloning import BehaviorCloning
 from agents.training.imitation.dagger_rollouts import Rollouts
-from agents.training.imitation.data_aggregation import DataAggregation
+from agents.training.imitation.data_aggregation import SHARES, DataAggregation
 from agents.training.imitation.options import ImitationOptions
 from agents.training.learning_curve import TrainingRecord
+from agents.training.progress import TrainingProgress, show_progress, write_progress
 from agents.training.run import Run
 from agents.training.sb3 import card_for, starting_model
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
@@ -157,13 +157,13 @@ class ImitationTrainer:
         self.directory.mkdir(parents=True, exist_ok=True)
         self.budget.start(self._seconds_before)
         with (
+            show_progress(self._run, record, self.budget) as progress,
             SummaryWriter(str(self._run.directory / "tensorboard")) as writer,
             defer_interrupt(STOPPING),
-            self._run.terminal.share_bar() as bar,
         ):
             # at least one round, even if interruptions in the first have used up the time
             while self.budget.done < 1.0 or not record.curve:
-                for name, value in self._round(bar).items():
+                for name, value in self._round(progress).items():
                     writer.add_scalar(f"train/{name}", value, self.budget.steps)
                 curve = record.curve
                 due = self._run.hyperparameters.eval_freq + (curve[-1]["steps"] if curve else 0)
@@ -174,44 +174,50 @@ class ImitationTrainer:
             if record.curve[-1]["steps"] < self.budget.steps:
                 self._evaluate(record)
         record.finish()
+        write_progress(self._run, record, self.budget, "finished")
 
     def _evaluate(self, record: TrainingRecord) -> None:
         record.evaluate(self._model, self.budget.steps, self.budget.seconds)
 
-    def _round(self, bar: Progress) -> dict[str, float]:
+    def _round(self, progress: TrainingProgress) -> dict[str, float]:
         """Train for a round while its rollouts are collected; returns mean losses by name."""
         if self._run.algorithm == "bc":
-            losses = self._optimize(bar)
+            losses = self._optimize(progress)
             self.budget.steps += self._options.updates * self._options.batch_size
             return losses
         if self.data.rounds == 0:
-            with self.data.rollouts(self._model.policy, self._options.first) as rollouts:
-                self._collect(rollouts, bar, "first flights")
+            first = self._options.first
+            with self.data.rollouts(self._model.policy, first) as rollouts:
+                self._collect(rollouts, progress, "first flights", SHARES * first)
             self._save()
         with self.data.rollouts(self._model.policy) as rollouts:
-            losses = self._optimize(bar)
-            return {**losses, "refused": self._collect(rollouts, bar, "flights")}
+            losses = self._optimize(progress)
+            return {**losses, "refused": self._collect(rollouts, progress, "flights", SHARES)}
 
-    def _collect(self, rollouts: Iterable[Rollouts], bar: Progress, title: str) -> float:
-        """Add rollouts to the dataset; returns the share of segments that were refused."""
-        task = bar.add_task(title, total=None)
-        steps, refused = self.data.add(rollouts)
-        bar.remove_task(task)
+    def _collect(
+        self, rollouts: Iterable[Rollouts], progress: TrainingProgress, title: str, number: int
+    ) -> float:
+        """Add this number of rollouts; returns the share of segments that were refused."""
+
+        def watched() -> Iterator[Rollouts]:
+            for done, result in enumerate(rollouts, 1):
+                yield result
+                progress.update(f"{title} {done / number:.0%}")
+
+        steps, refused = self.data.add(watched())
         self.budget.steps += steps
         return refused / max(steps, 1)
 
-    def _optimize(self, bar: Progress) -> dict[str, float]:
+    def _optimize(self, progress: TrainingProgress) -> dict[str, float]:
         """The gradient steps of a round; returns mean losses by name."""
         options = self._options
         stream = np.random.default_rng((self._run.seed, self.data.rounds, self.budget.steps))
-        task = bar.add_task(f"{self._run.algorithm}, {self.budget.steps:,} states", total=1.0)
         losses: list[dict[str, float]] = []
         for number in range(options.updates):
             batch = self.data.dataset.sample(stream, options.batch_size, options.hard)
             losses.append(self._cloning.update(batch, mirror=number % 2 == 1))
-            bar.update(task, completed=self.budget.done)
+            progress.update()
             raise_if_interrupted()
-        bar.remove_task(task)
         return {key: float(np.mean([loss[key] for loss in losses])) for key in losses[0]}
 
 

@@ -100,7 +100,8 @@ def test_a_training_writes_a_model_its_card_and_its_curve(
 ) -> None:
     assert main(command(algorithm, "--seed", "3")) == 0
     out = tmp_path / "out"
-    names = {"model.zip", "model.json", "run.json", "curve.csv", "best", "tensorboard"}
+    names = {"model.zip", "model.json", "run.json", "curve.csv", "progress.json"}
+    names |= {"best", "tensorboard"}
     assert {path.name for path in out.iterdir()} == names
     assert list((out / "tensorboard").glob("events.*"))
     model = loading.load(out)
@@ -169,6 +170,9 @@ def test_an_interrupted_training_resumes(
     assert not (out / "model.zip").exists()
     before = curve_of(out)
     assert [int(row["steps"]) for row in before] == [0, 32, 64]
+    stopped = json.loads((out / "progress.json").read_text())
+    assert (stopped["status"], stopped["steps"]) == ("stopped", counts.steps)
+    assert stopped["model"] == str(out / "best")
 
     restored = []
     restore = training_checkpoint.restore
@@ -189,6 +193,9 @@ def test_an_interrupted_training_resumes(
     assert int(after[-1]["steps"]) >= 96
     assert not (out / "checkpoint").exists()
     assert loading.load(out).card.curve[-1]["steps"] >= 96
+    finished = json.loads((out / "progress.json").read_text())
+    assert (finished["status"], finished["model"]) == ("finished", str(out))
+    assert finished["validation"]["steps"] == finished["steps"] >= 96
 
 
 def test_a_training_from_when_discs_were_the_default_resumes_with_discs(

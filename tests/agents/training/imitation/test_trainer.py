@@ -39,12 +39,16 @@ def test_dagger_writes_a_model_its_card_and_its_curve(
 ) -> None:
     assert main(command("dagger", "--seed", "3")) == 0
     out = tmp_path / "out"
-    names = {"model.zip", "model.json", "run.json", "curve.csv", "best", "tensorboard"}
+    names = {"model.zip", "model.json", "run.json", "curve.csv", "progress.json"}
+    names |= {"best", "tensorboard"}
     assert {path.name for path in out.iterdir()} == names
     model = loading.load(out)
     card = model.card
     assert (card.algorithm, card.policy, card.seed) == ("dagger", "deepsets-mixture", 3)
     assert card.environment == TINY["env_kwargs"]
+    progress = json.loads((out / "progress.json").read_text())
+    assert (progress["status"], progress["model"]) == ("finished", str(out))
+    assert progress["validation"]["steps"] == progress["steps"] == card.curve[-1]["steps"]
     steps = [row["steps"] for row in card.curve]
     assert steps == sorted(set(steps))
     assert len(steps) > 2
