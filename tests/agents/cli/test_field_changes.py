@@ -12,7 +12,7 @@ from agents.evaluation.reading import read
 from agents.evaluation.results import read_paths
 from ferguson_gym.curves import length
 from ferguson_gym.shortest_paths import exact_length
-from ferguson_gym.world import Discs, get_field
+from ferguson_gym.world import Discs, Field, get_field
 from ferguson_gym.world.field import to_json
 
 SLITS = {"centers": [[50, 0.5 * k] for k in range(-20, 221)], "radii": [0.25] * 241}
@@ -150,7 +150,9 @@ def test_other_commands_within_other_limits(
     assert ", obstacles inflated by 0.1 m, longest 30 m, their own" in capsys.readouterr().out
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["inflate"], summary["limits"]) == (0.1, {"longest": 30.0})
-    command = ["animate", "sparse/train:0", "--policy", "shortest", *limits]
+    near = tmp_path / "near.json"  # a short flight has few frames
+    to_json(Field(name="near", obstacles=Discs([[9.0, 14.0]], [2.0]), goal=[26.0, 26.0]), near)
+    command = ["animate", str(near), "--policy", "shortest", *limits]
     assert main([*command, "--out", str(tmp_path / "flight.gif")]) == 0
-    expected = "shortest on sparse/train:0 with obstacles inflated by 0.1 m, longest 30 m, seed 0: "
+    expected = "shortest on near with obstacles inflated by 0.1 m, longest 30 m, seed 0: "
     assert expected in capsys.readouterr().out
