@@ -9,6 +9,7 @@ from gymnasium.envs.registration import EnvSpec
 
 from ferguson_gym.simulation.batch_simulator import BatchSimulator
 from ferguson_gym.simulation.settings import ARGUMENTS, CHANGEABLE, Settings
+from ferguson_gym.spaces import with_steps
 
 
 class HasArguments(Protocol):
@@ -50,6 +51,57 @@ def check_changeable(name: str, env: object) -> None:
             f"{name} cannot be set; make a new {type(env).__name__} (between flights change "
             f"{', '.join(CHANGEABLE)})"
         )
+
+
+class ScalarArguments:
+    """Arguments of one environment as its attributes."""
+
+    _simulator: BatchSimulator
+    _spec: EnvSpec | None
+
+    suite = Argument()
+    split = Argument()
+    fields = Argument()
+    obstacles = Argument()
+    radii = Argument()
+    gate = Argument()
+    segments = Argument()
+    observation = Argument()
+    nearest = Argument()
+    focus = Argument()
+    rays = Argument()
+    view = Argument()
+    way = Argument()
+    margin = Argument()
+    flat = Argument()
+    progress = Argument()
+    reference = Argument()
+    detour = Argument()
+    failure = Argument()
+    capacity = Argument()
+
+    @property
+    def settings(self) -> Settings:
+        """The arguments of the next flight; they are those of this one unless they were changed."""
+        return self._simulator.settings[0]
+
+    def set_arguments(self, **arguments: Any) -> None:
+        """Change arguments from the next reset on; see the class for which.
+
+        Raises:
+            ValueError: an argument that does not change between flights, or a bad value.
+        """
+        self._simulator.change({0: self.settings.changed(arguments)})
+        self.spec = self._spec
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make this environment again; `max_episode_steps` is its number of segments."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = with_steps(spec, self.settings)
 
 
 PER_ENVIRONMENT = ("field", "state", "control", "refused")

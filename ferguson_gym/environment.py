@@ -9,19 +9,18 @@ import numpy as np
 from gymnasium.envs.registration import EnvSpec
 from numpy.typing import NDArray
 
-from ferguson_gym.arguments import Argument
+from ferguson_gym.arguments import ScalarArguments
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.simulation.batch_simulator import NOT_STARTED, BatchSimulator
 from ferguson_gym.simulation.observations import FlatObservation, Observation, entries_of
-from ferguson_gym.simulation.settings import Settings, settings_of
-from ferguson_gym.simulation.step_buffers import DISABLED, INFOS
+from ferguson_gym.simulation.settings import settings_of
+from ferguson_gym.simulation.step_buffers import DISABLED
 from ferguson_gym.spaces import (
     action_space,
     as_actions,
     as_seed,
     known_options,
     observation_space,
-    with_steps,
 )
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
@@ -32,7 +31,7 @@ from ferguson_gym.world.transition import State
 RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 
 
-class ObstacleField(gym.Env[Any, Action]):
+class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     """Fly from (0, 0) to (100, 100) around random discs, one smooth segment at a time.
 
     ## Description
@@ -61,7 +60,7 @@ class ObstacleField(gym.Env[Any, Action]):
     ## Observation space
     `Dict` of vectors, float32, all in [-1, 1]. Lengths are divided by `view` unless said otherwise,
     and clipped. With `flat=True` they are one vector, a `Box`, in the order of
-    `gymnasium.spaces.flatten`: goal, mask, obstacles, rays, vehicle.
+    `gymnasium.spaces.flatten`: goal, mask, obstacles, rays, vehicle, way.
 
     | key | size | holds | range |
     | --- | --- | --- | --- |
@@ -87,11 +86,22 @@ class ObstacleField(gym.Env[Any, Action]):
     vehicle, the nearest to that point first. From rays a plain network learns to fly; from discs it
     learns almost nothing in the same number of steps (docs/learnability.md).
 
+    With `way=N` the vehicle is shown the way, which is **global knowledge**: it comes from the
+    whole field, seen or not. The way is the shortest path to the goal that keeps `margin` from
+    obstacles, less where that would close a passage:
+
+    | key | size | holds | range |
+    | --- | --- | --- | --- |
+    | way | 2 N + 2 | N points ahead, at 1/N to N/N of `view` along the way, | |
+    | | | each forward and to the left | -1..1 |
+    | | | distance to go along the way / `view` | 0..1 |
+    | | | the same / twice the diagonal of the bounds | 0..1 |
+
     ## Scale
     Lengths in the two sections above hold for fields whose longest segment is 15 m, the default. A
     field with other limits (`Field.limits`, the key `limits` of a JSON file) has its own scale: the
-    reach of actions, `view` and `focus` are multiplied by its longest segment / 15 m, so that a
-    field and its scaled copy give the same observations and rewards for the same actions.
+    reach of actions, `view`, `focus` and `margin` are multiplied by its longest segment / 15 m, so
+    that a field and its scaled copy give the same observations and rewards for the same actions.
 
     ## Reward
     `(progress - detour (length - progress)) / D`, with progress the decrease of the straight
@@ -102,6 +112,9 @@ class ObstacleField(gym.Env[Any, Action]):
     - 1). With the default penalties, `detour` 4 and `failure` 2, and the usual start and goal, a
     step's reward lies between -2.96 (a 15 m segment straight away from the goal that exhausts the
     limit of segments) and 0.107 (15 m straight to the goal).
+
+    With `progress="way"`, progress and D are measured along the way that keeps `margin`, which is
+    global knowledge, too.
 
     ## Training
     With the defaults of most libraries nothing is learned. Begin with a discount of 0.9, since a
@@ -139,6 +152,7 @@ class ObstacleField(gym.Env[Any, Action]):
     | path_length | float | flown so far [m] |
     | clearance | float | minimum clearance so far [m] |
     | segments | int | flown so far |
+    | shortest | float | with `reference=True`, length of the shortest path from the start [m] |
 
     ## Rendering
     | mode | `render()` returns | `render_fps` |
@@ -187,7 +201,11 @@ class ObstacleField(gym.Env[Any, Action]):
     | `focus` | 0.0 | distance ahead of the vehicle [m] of the point to which they are nearest |
     | `rays` | 64 | number of rays, at equal angles |
     | `view` | 30.0 | range of observation [m], by which lengths are divided |
+    | `way` | 0 | number of points of the way ahead that are shown |
+    | `margin` | 0.8 | distance [m] that the way keeps from obstacles |
     | `flat` | False | whether observations are one vector |
+    | `progress` | straight | or way: how rewards measure progress |
+    | `reference` | False | whether infos tell the length of the shortest path |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
     | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
     | `render_mode` | None | or human, rgb_array, rgb_array_list |
@@ -215,23 +233,6 @@ class ObstacleField(gym.Env[Any, Action]):
         "render_fps": 4,
     }
 
-    suite = Argument()
-    split = Argument()
-    fields = Argument()
-    obstacles = Argument()
-    radii = Argument()
-    gate = Argument()
-    segments = Argument()
-    observation = Argument()
-    nearest = Argument()
-    focus = Argument()
-    rays = Argument()
-    view = Argument()
-    flat = Argument()
-    detour = Argument()
-    failure = Argument()
-    capacity = Argument()
-
     def __init__(self, render_mode: str | None = None, **arguments: Any) -> None:
         settings = settings_of(arguments, type(self).__name__, "render_mode")
         if render_mode not in (None, *RENDER_MODES):
@@ -248,32 +249,10 @@ class ObstacleField(gym.Env[Any, Action]):
         self.observation_space = observation_space(settings)
         self._simulator = BatchSimulator(settings, 1, DISABLED)
         self._sizes, self._flat = settings.layout.entries(), settings.flat
+        self._infos = settings.infos
         self._field: Field | None = None
         self._spec: EnvSpec | None = None
         self._viewer: Any = None
-
-    @property
-    def settings(self) -> Settings:
-        """The arguments of the next flight; they are those of this one unless they were changed."""
-        return self._simulator.settings[0]
-
-    def set_arguments(self, **arguments: Any) -> None:
-        """Change arguments from the next reset on; see the class for which.
-
-        Raises:
-            ValueError: an argument that does not change between flights, or a bad value.
-        """
-        self._simulator.change({0: self.settings.changed(arguments)})
-        self.spec = self._spec
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """How to make this environment again; `max_episode_steps` is its number of segments."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = with_steps(spec, self.settings)
 
     @property
     def field(self) -> Field:
@@ -368,7 +347,7 @@ class ObstacleField(gym.Env[Any, Action]):
 
     def _info(self) -> dict[str, Any]:
         report = self._simulator.reports[0]
-        return {key: report[key].item() for key in INFOS}
+        return {key: report[key].item() for key in self._infos}
 
     def render(self) -> Any:
         """Draw the flight so far: an image, a list of images, or None; see the class.

@@ -21,7 +21,6 @@ from ferguson_gym.simulation.observations import FlatObservation, Observation, e
 from ferguson_gym.simulation.settings import Settings, settings_of
 from ferguson_gym.simulation.step_buffers import (
     DISABLED,
-    INFOS,
     NEXT_STEP,
     SAME_STEP,
     Flags,
@@ -326,7 +325,7 @@ class VectorObstacleField(VectorArguments, VectorEnv[Any, Action, Array]):
 
     def _infos(self, reports: Records, known: Flags) -> dict[str, Any]:
         infos: dict[str, Any] = {}
-        for key in INFOS:
+        for key in self.settings.infos:
             infos[key], infos[f"_{key}"] = reports[key].copy(), known.copy()
         return infos
 

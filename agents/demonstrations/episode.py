@@ -15,7 +15,7 @@ from agents.flights import StepData, fly
 from agents.policies import Policy
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.step_buffers import INFOS
+from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.world import Field, Outcome, State
 from ferguson_gym.world.actions import Action
 

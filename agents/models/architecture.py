@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from agents.models.inference.activations import ACTIVATIONS
-from agents.models.inference.features import DISC_SIZE, VEHICLE_SIZE
+from agents.models.inference.features import DISC_SIZE, VEHICLE_SIZE, way_size
 from agents.models.model_card import ModelCard
 from ferguson_gym.simulation import settings_of
 
@@ -47,10 +47,10 @@ class Architecture:
     @property
     def features(self) -> int:
         """Number of features."""
-        rays = 2 * self.sizes.get("rays", 0)
+        others = 2 * self.sizes.get("rays", 0) + way_size(self.sizes.get("way", 0))
         if self.width is not None:
-            return 2 * self.width + VEHICLE_SIZE + rays
-        return VEHICLE_SIZE + self.sizes.get("mask", 0) + self.sizes.get("obstacles", 0) + rays
+            return 2 * self.width + VEHICLE_SIZE + others
+        return VEHICLE_SIZE + self.sizes.get("mask", 0) + self.sizes.get("obstacles", 0) + others
 
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:

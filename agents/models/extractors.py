@@ -21,21 +21,24 @@ from agents.models.inference.features import (
     NEARNESS_DECAY,
     POOL_SCALE,
     VEHICLE_SIZE,
+    WAY_SCALE,
+    way_size,
 )
 
 
 class Plain(BaseFeaturesExtractor):
-    """All entries of the observation concatenated, with goal and rays on finer scales."""
+    """All entries of the observation concatenated, with all but obstacles on finer scales."""
 
     def __init__(self, observation_space: spaces.Dict) -> None:
         sizes = {key: spaces.flatdim(box) for key, box in observation_space.spaces.items()}
         rows = sizes.get("mask", 0) + sizes.get("obstacles", 0)
-        super().__init__(observation_space, VEHICLE_SIZE + rows + 2 * sizes.get("rays", 0))
+        others = 2 * sizes.get("rays", 0) + way_size(sizes.get("way", 0))
+        super().__init__(observation_space, VEHICLE_SIZE + rows + others)
 
     def forward(self, observation: dict[str, Tensor]) -> Tensor:
         """Features (n, features_dim)."""
         rows = [observation[key] for key in ("mask", "obstacles") if key in observation]
-        return torch.cat([_own(observation), *rows, *_rays(observation)], dim=1)
+        return torch.cat([_own(observation), *rows, *_others(observation)], dim=1)
 
 
 class DeepSets(BaseFeaturesExtractor):
@@ -55,7 +58,9 @@ class DeepSets(BaseFeaturesExtractor):
     """
 
     def __init__(self, observation_space: spaces.Dict, width: int = 64) -> None:
-        super().__init__(observation_space, 2 * width + VEHICLE_SIZE + _rays_of(observation_space))
+        super().__init__(
+            observation_space, 2 * width + VEHICLE_SIZE + _others_of(observation_space)
+        )
         self.obstacle = nn.Linear(DISC_SIZE, width)
         self.vehicle = nn.Linear(VEHICLE_SIZE, width, bias=False)
         self.then = nn.Linear(width, width)
@@ -68,7 +73,7 @@ class DeepSets(BaseFeaturesExtractor):
         each = torch.relu(self.then(first)) * mask[:, :, None]
         # scaled so that the sum over a dozen obstacles is near one
         pooled = [each.sum(dim=1) / POOL_SCALE, each.amax(dim=1)]
-        return torch.cat([*pooled, own, *_rays(observation)], dim=1)
+        return torch.cat([*pooled, own, *_others(observation)], dim=1)
 
 
 class Attention(BaseFeaturesExtractor):
@@ -96,7 +101,9 @@ class Attention(BaseFeaturesExtractor):
     ) -> None:
         if width % heads:
             raise ValueError(f"width must be a multiple of heads, got {width} and {heads}")
-        super().__init__(observation_space, 2 * width + VEHICLE_SIZE + _rays_of(observation_space))
+        super().__init__(
+            observation_space, 2 * width + VEHICLE_SIZE + _others_of(observation_space)
+        )
         self.vehicle = nn.Linear(VEHICLE_SIZE, width)
         self.obstacle = nn.Sequential(
             nn.Linear(DISC_SIZE, width), nn.SiLU(), nn.Linear(width, width)
@@ -113,7 +120,7 @@ class Attention(BaseFeaturesExtractor):
         absent = mask[:, :, None] < 0.5
         best = tokens[:, 1:].masked_fill(absent, -torch.inf).amax(dim=1)
         best = best.masked_fill(absent.all(dim=1), 0.0)
-        return torch.cat([tokens[:, 0], best, own, *_rays(observation)], dim=1)
+        return torch.cat([tokens[:, 0], best, own, *_others(observation)], dim=1)
 
 
 class _Layer(nn.Module):
@@ -138,11 +145,12 @@ class _Layer(nn.Module):
         return after
 
 
-def _rays_of(space: spaces.Dict) -> int:
-    """Number of features of the rays; raises ValueError if obstacles are not observed."""
+def _others_of(space: spaces.Dict) -> int:
+    """Number of features of rays and way; raises ValueError if obstacles are not observed."""
     if "obstacles" not in space.spaces:
         raise ValueError("this policy needs obstacles in the observation: discs or both, not rays")
-    return 2 * spaces.flatdim(space["rays"]) if "rays" in space.spaces else 0
+    sizes = {key: spaces.flatdim(box) for key, box in space.spaces.items()}
+    return 2 * sizes.get("rays", 0) + way_size(sizes.get("way", 0))
 
 
 def _own(observation: dict[str, Tensor]) -> Tensor:
@@ -167,7 +175,17 @@ def _split(observation: dict[str, Tensor]) -> tuple[Tensor, Tensor, Tensor]:
     return own, torch.cat([rows, direction, nearness], dim=2), observation["mask"]
 
 
-def _rays(observation: dict[str, Tensor]) -> list[Tensor]:
-    """Ranges of the rays and the nearness of their ends, [] without rays."""
+def _others(observation: dict[str, Tensor]) -> list[Tensor]:
+    """Ranges of the rays and the nearness of their ends; the way; nothing of what is not observed.
+
+    Points of the way are in multiples of their distance, so that all are of a size.
+    """
     rays = [observation["rays"]] if "rays" in observation else []
-    return rays + [torch.exp(-NEARNESS_DECAY * ranges) for ranges in rays]
+    features = rays + [torch.exp(-NEARNESS_DECAY * ranges) for ranges in rays]
+    if "way" in observation:
+        way = observation["way"]
+        points = way.shape[1] // 2 - 1
+        nearer = points / torch.arange(1.0, points + 1.0)
+        togo = (WAY_SCALE * way[:, -2:-1]).clamp(max=1.0)
+        features += [way[:, :-2] * nearer.repeat_interleave(2), way[:, -2:], togo]
+    return features

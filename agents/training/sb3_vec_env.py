@@ -12,7 +12,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from ferguson_gym.arguments import PER_ENVIRONMENT, check_changeable
 from ferguson_gym.simulation.settings import check_arguments
-from ferguson_gym.simulation.step_buffers import INFOS
 from ferguson_gym.spaces import as_actions, known_options
 from ferguson_gym.vector_environment import VectorObstacleField
 
@@ -63,7 +62,7 @@ class ObstacleFieldVecEnv(VecEnv):
         observation, infos = self.envs.reset(seed=self._seeds, options={"field": fields})
         self._reset_seeds()
         self._reset_options()
-        self.reset_infos = _rows([infos[key] for key in INFOS])
+        self.reset_infos = _rows({key: infos[key] for key in self.envs.settings.infos})
         seen: Observations = observation
         return seen
 
@@ -78,15 +77,12 @@ class ObstacleFieldVecEnv(VecEnv):
         observation, reward, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
         # infos of the flights that ended, not of those that were started in their place
-        columns = [infos[key] for key in INFOS]
+        columns = {key: infos[key] for key in self.envs.settings.infos}
         if done.any():
             begun, final = _rows(columns), infos["final_info"]
             for i in np.flatnonzero(done).tolist():
                 self.reset_infos[i] = begun[i]
-            columns = [
-                np.where(done, final[key], column)
-                for key, column in zip(INFOS, columns, strict=True)
-            ]
+            columns = {key: np.where(done, final[key], column) for key, column in columns.items()}
         reports = _rows(columns)
         for report, late in zip(reports, (truncated & ~terminated).tolist(), strict=True):
             report["TimeLimit.truncated"] = late
@@ -146,7 +142,7 @@ class ObstacleFieldVecEnv(VecEnv):
         return chosen
 
 
-def _rows(columns: list[NDArray[Any]]) -> list[dict[str, Any]]:
+def _rows(columns: dict[str, NDArray[Any]]) -> list[dict[str, Any]]:
     """The info of each environment, from arrays over all environments."""
-    rows = zip(*(column.tolist() for column in columns), strict=True)
-    return [dict(zip(INFOS, row, strict=True)) for row in rows]
+    rows = zip(*(column.tolist() for column in columns.values()), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]

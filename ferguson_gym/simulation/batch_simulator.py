@@ -25,6 +25,7 @@ from ferguson_gym.simulation.step_buffers import (
     make_buffers,
     write_rules,
 )
+from ferguson_gym.simulation.ways import Ways
 from ferguson_gym.world.actions import Action, check_action
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.outcome import Outcome
@@ -89,6 +90,8 @@ class BatchSimulator:
         self._all = np.ones(number, np.bool_)
         self._counters = new_counters()
         self._helpers: HelperThreads | None = None
+        first = settings[0]  # arguments that shape ways are the same for all
+        self._ways = Ways(first, number, self._field_in) if first.uses_ways else None
 
     @property
     def outcome(self) -> NDArray[np.int64]:
@@ -166,6 +169,8 @@ class BatchSimulator:
             self._given[i], flights["slot"][i] = self._drawn.origin(slot), i
             self._store.move(slot, i)
         self._drawn.clear()
+        if self._ways is not None:
+            self._ways.forget(0)
 
     def reset(
         self,
@@ -211,6 +216,8 @@ class BatchSimulator:
             else:
                 self._put(i, field if isinstance(field, Field) else (self.settings[i], field))
         step_kernel.reset(self._plain_buffers, chosen)
+        if self._ways is not None:
+            self._ways.begin(self._buffers)
 
     def _put(self, i: int, given: Given) -> None:
         """Write a field into a vehicle's slot."""
@@ -220,6 +227,8 @@ class BatchSimulator:
         else:
             put(self._store, i, *given)
         self._given[i], self._buffers.flights["slot"][i] = given, i
+        if self._ways is not None:
+            self._ways.forget(i, i + 1)
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -234,11 +243,14 @@ class BatchSimulator:
             # before the step, so that an interrupted step leaves no queue empty
             self._draw_ahead(self._all, streams)
         self._buffers.actions[:] = actions
+        before = self._buffers.flights.copy() if self._ways is not None else None
         if self.number >= MANY:
             if self._helpers is None:
                 self._helpers = self._start_helpers()
             self._helpers.wake()
         step_kernel.advance(self._plain_buffers, self._counters, step_kernel.FROM_FRONT, 0)
+        if self._ways is not None and before is not None:
+            self._ways.step(before, self._buffers)
 
     def __getstate__(self) -> dict[str, Any]:
         """The flights and what they fly next; neither drawn fields nor threads."""
@@ -276,6 +288,8 @@ class BatchSimulator:
             self._put(i, given)
         for i, seeds in state["upcoming"].items():
             self._pending[i], flights["next"][i] = seeds.astype(np.int64), BLOCK
+        if self._ways is not None and state["given"]:
+            self._ways.begin(buffers)
 
     def _start_helpers(self) -> HelperThreads:
         # locals, since threads that referred to `self` would keep it alive
@@ -325,10 +339,15 @@ class BatchSimulator:
 
     def _flown(self, i: int) -> Given:
         """What a vehicle flies through."""
-        slot = int(self._buffers.flights["slot"][i])
-        given = self._given[i] if slot < self.number else self._drawn.origin(slot)
+        return self._given_in(int(self._buffers.flights["slot"][i]))
+
+    def _given_in(self, slot: int) -> Given:
+        given = self._given[slot] if slot < self.number else self._drawn.origin(slot)
         assert given is not None
         return given
+
+    def _field_in(self, slot: int) -> Field:
+        return given_field(self._given_in(slot))
 
     def field(self, i: int) -> Field:
         """The field in which a vehicle flies."""

@@ -31,11 +31,14 @@ class Layout(NamedTuple):
     """Discs are ordered by their distance from the point this far ahead [units of the field]."""
     max_range: float
     """Range of the observation, by which lengths are divided [units of the field]."""
+    way: int = 0
+    """Points N of the way ahead; 0 for none. `ferguson_gym.simulation.ways` writes them."""
 
     def entries(self) -> dict[str, int]:
         """Number of values of each entry, in order."""
         sizes = {"goal": 3, "mask": self.nearest, "obstacles": 4 * self.nearest}
         sizes |= {"rays": self.ray_directions.shape[1], "vehicle": 6}
+        sizes |= {"way": 2 * self.way + 2 if self.way else 0}
         return {key: size for key, size in sizes.items() if size}
 
 

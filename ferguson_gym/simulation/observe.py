@@ -9,6 +9,7 @@ import numpy as np
 
 from ferguson_gym.simulation.observations import Layout, Observation, entries_of, write_observation
 from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.simulation.ways import observe_way
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.transition import State
 
@@ -57,4 +58,9 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
             work,
             found,
         )
-    return entries_of(flat, sizes, count)
+    entries = entries_of(flat, sizes, count)
+    if layout.way:
+        positions = np.array([vehicle.position for vehicle in vehicles]).reshape(count, 2)
+        derivatives = np.array([vehicle.derivative for vehicle in vehicles]).reshape(count, 2)
+        entries["way"][:] = observe_way(field, positions, derivatives, settings, layout)
+    return entries

@@ -30,6 +30,12 @@ MAX_OBSTACLES = 10_000
 """Upper limit of `obstacles` and `capacity`, and of `rays`, `nearest` and `segments`."""
 MAX_VIEW = 1000.0
 """Upper limit of `view` [m]."""
+MAX_MARGIN = 10.0
+"""Upper limit of `margin` [m]."""
+STRAIGHT, WAY = "straight", "way"
+"""Along what rewards measure progress."""
+INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
+"""Keys of `info`, without the one that `reference` adds."""
 CHANGEABLE = (
     *("suite", "split", "fields", "obstacles", "radii"),
     *("gate", "segments", "detour", "failure"),
@@ -57,20 +63,29 @@ class Settings:
     focus: float = 0.0
     rays: int = 64
     view: float = 30.0
+    way: int = 0
+    margin: float = 0.8
     flat: bool = False
+    progress: str = "straight"
+    reference: bool = False
     detour: float = 4.0
     failure: float = 2.0
     capacity: int | None = None
 
     def __post_init__(self) -> None:
-        for name in ("suite", "split", "observation"):
+        for name in ("suite", "split", "observation", "progress"):
             if not isinstance(given := getattr(self, name), str):
                 raise ValueError(f"{name} must be a name, got {truncate_repr(given)}")
         check_suite(self.suite, self.split)
         self._check_numbers()
         self._check_fields()
-        if type(self.flat) is not bool:
-            raise ValueError(f"flat is True or False, got {truncate_repr(self.flat)}")
+        for name in ("flat", "reference"):
+            if type(given := getattr(self, name)) is not bool:
+                raise ValueError(f"{name} is True or False, got {truncate_repr(given)}")
+        if self.progress not in (STRAIGHT, WAY):
+            raise ValueError(
+                f"progress is measured {STRAIGHT} or along the {WAY}, got {self.progress!r}"
+            )
         for name in ("obstacles", "capacity"):
             number = getattr(self, name)
             if number is not None and not 0 <= number <= MAX_OBSTACLES:
@@ -83,6 +98,10 @@ class Settings:
             number = getattr(self, name)
             if number is not None and not 1 <= number <= MAX_OBSTACLES:
                 raise ValueError(f"need {name} from 1 to {MAX_OBSTACLES}, got {number}")
+        if not 0 <= self.way <= MAX_OBSTACLES:
+            raise ValueError(f"need way from 0 to {MAX_OBSTACLES} points, got {self.way}")
+        if not 0.0 <= self.margin <= MAX_MARGIN:
+            raise ValueError(f"margin lies between 0 and {MAX_MARGIN:g} m, got {self.margin}")
         if not 1.0 <= self.view <= MAX_VIEW:
             raise ValueError(f"view lies between 1 and {MAX_VIEW:g} m, got {self.view}")
         if not 0.0 <= self.focus <= self.view:
@@ -118,8 +137,8 @@ class Settings:
                 raise ValueError(f"need 0 <= gate < shortest, got {self.gate} m and {shortest} m")
 
     def _check_numbers(self) -> None:
-        whole = ("obstacles", "segments", "nearest", "rays", "capacity")
-        for name in (*whole, "gate", "focus", "view", "detour", "failure"):
+        whole = ("obstacles", "segments", "nearest", "rays", "way", "capacity")
+        for name in (*whole, "gate", "focus", "view", "margin", "detour", "failure"):
             given = getattr(self, name)
             if given is None and name in ("obstacles", "capacity", "gate", "segments"):
                 continue
@@ -151,7 +170,18 @@ class Settings:
         """Layout of observations."""
         nearest = 0 if self.observation == "rays" else int(self.nearest)
         rays = 0 if self.observation == "discs" else int(self.rays)
-        return Layout(nearest, rays_around(rays), float(self.focus), float(self.view))
+        way = int(self.way)
+        return Layout(nearest, rays_around(rays), float(self.focus), float(self.view), way)
+
+    @property
+    def uses_ways(self) -> bool:
+        """Whether anything that is observed, rewarded or reported needs shortest paths."""
+        return self.way > 0 or self.progress == WAY or self.reference
+
+    @property
+    def infos(self) -> tuple[str, ...]:
+        """Keys of `info`."""
+        return (*INFOS, "shortest") if self.reference else INFOS
 
     @property
     def max_obstacles(self) -> int:

@@ -16,6 +16,7 @@ from ferguson_gym.simulation.field_store import FieldArrays, FieldStore
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.step_buffers import DISABLED, StepBuffers, as_plain_tuple, make_buffers
+from ferguson_gym.simulation.ways import observe_way
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.outcome import Outcome
@@ -42,7 +43,7 @@ class SimulatedRollouts:
         store = FieldStore(1, len(planar_discs(field)))
         store.put(0, field)
         self._settings, self._sizes = settings, settings.layout.entries()
-        self._segments = field.limits.segments
+        self._field, self._segments = field, field.limits.segments
         self._buffers = self._made(number, store.arrays)
         flights = self._buffers.flights
         flights["gate"] = field.limits.gate if settings.gate is None else settings.gate
@@ -55,6 +56,7 @@ class SimulatedRollouts:
         self.active: NDArray[np.int64] = np.arange(number)
         """Numbers (n,) of the active rollouts."""
         step_kernel.reset(as_plain_tuple(self._buffers), np.zeros(number, np.bool_))
+        self._show_ways()
 
     def _made(self, number: int, fields: FieldArrays) -> StepBuffers:
         return make_buffers(self._settings, number, fields, DISABLED, longest=self._segments)
@@ -91,6 +93,15 @@ class SimulatedRollouts:
         self._buffers.actions[:] = actions
         buffers = as_plain_tuple(self._buffers)
         step_kernel.advance(buffers, self._counters, step_kernel.FROM_FRONT, 0)
+        self._show_ways()
+
+    def _show_ways(self) -> None:
+        if (layout := self._buffers.layout).way:
+            flights = self._buffers.flights
+            positions = np.ascontiguousarray(flights["position"])
+            derivatives = np.ascontiguousarray(flights["derivative"])
+            rows = observe_way(self._field, positions, derivatives, self._settings, layout)
+            self.observations["way"][:] = rows
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
         """Let only the chosen (n,) of the active rollouts stay active."""

@@ -24,9 +24,6 @@ Records = NDArray[np.void]
 DISABLED, NEXT_STEP, SAME_STEP = 0, 1, 2
 """Autoreset modes: a flight that ends is not reset; reset by the next step; reset at once."""
 
-INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
-"""Keys of `info`."""
-
 RULES = np.dtype(
     [
         ("gate", np.float64),
@@ -66,9 +63,11 @@ REPORT = np.dtype(
         ("path_length", np.float64),
         ("clearance", np.float64),
         ("segments", np.int64),
+        ("shortest", np.float64),
     ]
 )
-"""What a step returns beside the observation; the last five are infos."""
+"""What a step returns beside the observation; the last six are infos, of which the compiled step
+leaves the last one alone."""
 
 
 class StepBuffers(NamedTuple):

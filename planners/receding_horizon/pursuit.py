@@ -16,38 +16,22 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
+from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
-from ferguson_gym.world import Discs, is_feasible, transition
+from ferguson_gym.world import is_feasible, transition
 from ferguson_gym.world.field import Field, planar_discs
 from planners.interface import Decision, Knowledge, Replanner, State, WindowReport
-from planners.receding_horizon.gaps import least_gaps
 from planners.receding_horizon.guided import Guided, is_tight
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep
 
 SPACING = 0.25
 """Distance between points on the path [m]."""
-_OUTSIDE = 1e-7
-"""Clearance given to a point that is moved out of a grown disc [m]."""
-_SHARE = 0.45
-"""Share of a gap by which each of its two discs may be grown."""
-_MAX_MOVES = 8
-"""Maximum number of moves of a point out of grown discs that overlap."""
-
-
-class Surroundings(NamedTuple):
-    """A field whose discs are grown by their margins."""
-
-    margins: Array
-    """(n,) by which each disc is grown [m]."""
-    togo: DistanceToGoal
-    """The distance to the goal among the grown discs."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,47 +101,15 @@ class Pursuit(StepByStep):
     def _path(self, field: Field, position: Array) -> ShortestPath | None:
         """The shortest path from the nearest point outside all margins; None if there is none."""
         margins, togo = surroundings(field, self.margin, self.narrowest)
-        outside = _outside(togo.field, position)
-        path = None if outside is None else togo.path(outside)
+        grown, (x, y) = planar_discs(togo.field), position.tolist()
+        columns = np.ascontiguousarray(grown.centers.T)
+        x, y, found = outside(x, y, columns, grown.radii, OUTSIDE)
+        path = togo.path((x, y)) if found else None
         if path is not None:
             return path
         discs = planar_discs(field)
-        room = np.clip(discs.signed_distance(position) - _OUTSIDE, 0.0, margins)
+        room = np.clip(discs.signed_distance(position) - OUTSIDE, 0.0, margins)
         return DistanceToGoal(replace(field, obstacles=discs.grown(room))).path(position)
-
-
-@lru_cache(maxsize=2)
-def surroundings(field: Field, margin: float, narrowest: float) -> Surroundings:
-    """Grow a field's discs by a margin [m], or by less where that would close a passage.
-
-    Passages narrower than `narrowest` [m] may close. Start and goal stay outside of the grown
-    discs. Results are cached by the field's identity.
-
-    Raises:
-        TypeError: obstacles other than discs.
-        ValueError: a field that is not planar.
-    """
-    discs = planar_discs(field)
-    # wider gaps leave room for the whole margin
-    nearest = least_gaps(discs.centers, discs.radii, narrowest, margin / _SHARE * (1.0 + 1e-9))
-    room = discs.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
-    most = np.minimum(_SHARE * nearest, room - _OUTSIDE)
-    margins = np.clip(most, 0.0, margin)
-    return Surroundings(margins, DistanceToGoal(replace(field, obstacles=discs.grown(margins))))
-
-
-def _outside(field: Field, position: Array) -> Array | None:
-    """A point (2,) outside of all discs near a position (2,); None if none is found."""
-    discs, point = field.obstacles, position.copy()
-    assert isinstance(discs, Discs)
-    for _ in range(_MAX_MOVES):
-        depth = discs.signed_distance(point)
-        if len(depth) == 0 or depth.min() >= 0.0:
-            return point
-        k = int(depth.argmin())
-        away = point - discs.centers[k]
-        point = discs.centers[k] + away * ((discs.radii[k] + _OUTSIDE) / np.linalg.norm(away))
-    return None
 
 
 def _along(vehicle: transition.State, points: Array, stride: float, number: int) -> Array:
@@ -170,6 +122,6 @@ def _along(vehicle: transition.State, points: Array, stride: float, number: int)
         for shift in (0.0, -2.0 * SPACING, 2.0 * SPACING)
     )
     slopes = after - before
-    slopes *= stride / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), _OUTSIDE)
+    slopes *= stride / np.maximum(np.linalg.norm(slopes, axis=1, keepdims=True), OUTSIDE)
     knots[0], slopes[0] = vehicle.position, vehicle.derivative
     return np.stack([knots[:-1], knots[1:], slopes[:-1], slopes[1:]], axis=1)

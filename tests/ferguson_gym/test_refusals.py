@@ -11,7 +11,7 @@ import pytest
 
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.simulation.step_buffers import INFOS
+from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs

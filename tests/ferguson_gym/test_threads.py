@@ -17,7 +17,7 @@ import pytest
 from ferguson_gym.runtime.helper_threads import CLAIMED, DONE, add, get, new_counters
 from ferguson_gym.simulation import batch_simulator, step_kernel
 from ferguson_gym.simulation.batch_simulator import BLOCK
-from ferguson_gym.simulation.step_buffers import INFOS
+from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs

@@ -10,7 +10,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation import batch_simulator
-from ferguson_gym.simulation.step_buffers import INFOS
+from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Discs

@@ -18,6 +18,8 @@ NEARNESS_DECAY = 8.0
 """Decay rate of nearness with distance, per length of the view."""
 POOL_SCALE = 8.0
 """Divisor of the sum over obstacles, which keeps it near one for a dozen of them."""
+WAY_SCALE = 3.0
+"""Factor at which the distance to go is added on a finer scale, clamped to 1."""
 DIRECTION_OFFSET = 1e-3
 """Added to the distance of an obstacle before the division that gives its direction."""
 
@@ -27,6 +29,7 @@ _DECAY, _OFFSET, _POOL = (
     np.float32(DIRECTION_OFFSET),
     np.float32(1.0 / POOL_SCALE),
 )
+_FINER = np.float32(WAY_SCALE)
 _ZERO, _HALF, _ONE = (np.float32(value) for value in (0.0, 0.5, 1.0))
 
 
@@ -56,6 +59,28 @@ def _rays(features: Float32Array, i: int, at: int, rays: Float32Array) -> None:
         features[i, at + number + k] = exponential(_DECAY * rays[i, k])
 
 
+def way_size(entry: int) -> int:
+    """Number of features of the way, whose entry has so many values."""
+    return entry + 1 if entry else 0
+
+
+@compiled
+def _way(features: Float32Array, i: int, at: int, way: Float32Array) -> None:
+    """Write 2 N + 3 features of row i: points in multiples of their distance, distances to go."""
+    entry = way.shape[1]
+    if entry == 0:
+        return
+    points = entry // 2 - 1
+    for k in range(points):
+        nearer = np.float32(points / (k + 1.0))
+        features[i, at + 2 * k] = nearer * way[i, 2 * k]
+        features[i, at + 2 * k + 1] = nearer * way[i, 2 * k + 1]
+    features[i, at + entry - 2] = way[i, entry - 2]
+    features[i, at + entry - 1] = way[i, entry - 1]
+    finer = _FINER * way[i, entry - 2]
+    features[i, at + entry] = finer if finer < _ONE else _ONE
+
+
 @compiled
 def _disc(discs: Float32Array, i: int, obstacles: Float32Array, j: int, at: int) -> None:
     """Write row i (DISC_SIZE,): an obstacle's entries, its direction and its nearness."""
@@ -75,8 +100,9 @@ def plain(
     mask: Float32Array,
     obstacles: Float32Array,
     rays: Float32Array,
+    way: Float32Array,
 ) -> Float32Array:
-    """Features (n, VEHICLE_SIZE + K + 4 K + 2 R) of `agents.models.extractors.Plain`.
+    """Features (n, VEHICLE_SIZE + K + 4 K + 2 R + W) of `agents.models.extractors.Plain`.
 
     Args:
         goal: (n, 3).
@@ -84,9 +110,12 @@ def plain(
         mask: (n, K); K is 0 if obstacles are not observed.
         obstacles: (n, 4 K).
         rays: (n, R); R is 0 without rays.
+        way: (n, 2 N + 2), or (n, 0) without a way, for W = 2 N + 3 or 0 features.
     """
     number, count, most = len(goal), mask.shape[1], obstacles.shape[1]
-    features = np.empty((number, VEHICLE_SIZE + count + most + 2 * rays.shape[1]), np.float32)
+    before = VEHICLE_SIZE + count + most + 2 * rays.shape[1]
+    size = before + (way.shape[1] + 1 if way.shape[1] > 0 else 0)
+    features = np.empty((number, size), np.float32)
     for i in range(number):
         _own(features, i, 0, goal, vehicle)
         for k in range(count):
@@ -94,6 +123,7 @@ def plain(
         for k in range(most):
             features[i, VEHICLE_SIZE + count + k] = obstacles[i, k]
         _rays(features, i, VEHICLE_SIZE + count + most, rays)
+        _way(features, i, before, way)
     return features
 
 
@@ -104,13 +134,14 @@ def sets(
     mask: Float32Array,
     obstacles: Float32Array,
     rays: Float32Array,
+    way: Float32Array,
     of_disc: Float32Array,
     of_vehicle: Float32Array,
     bias: Float32Array,
     then: Float32Array,
     then_bias: Float32Array,
 ) -> Float32Array:
-    """Features (n, 2 width + VEHICLE_SIZE + 2 R) of `agents.models.extractors.DeepSets`.
+    """Features (n, 2 width + VEHICLE_SIZE + 2 R + W) of `agents.models.extractors.DeepSets`.
 
     Padding rows are skipped, because they add nothing.
 
@@ -120,6 +151,7 @@ def sets(
         mask: (n, K).
         obstacles: (n, 4 K).
         rays: (n, R); R is 0 without rays.
+        way: (n, 2 N + 2), or (n, 0) without a way, for W = 2 N + 3 or 0 features.
         of_disc: weights (DISC_SIZE, width) of the first layer for an obstacle.
         of_vehicle: weights (VEHICLE_SIZE, width) of the first layer for goal and vehicle.
         bias: (width,) of the first layer.
@@ -148,7 +180,9 @@ def sets(
     relu(first)
     second = affine(first, then, then_bias)
     relu(second)
-    features = np.zeros((number, 2 * width + VEHICLE_SIZE + 2 * rays.shape[1]), np.float32)
+    before = 2 * width + VEHICLE_SIZE + 2 * rays.shape[1]
+    size = before + (way.shape[1] + 1 if way.shape[1] > 0 else 0)
+    features = np.zeros((number, size), np.float32)
     for m in range(count):
         i = owner[m]
         for j in range(width):
@@ -158,4 +192,5 @@ def sets(
     for i in range(number):
         _own(features, i, 2 * width, goal, vehicle)
         _rays(features, i, 2 * width + VEHICLE_SIZE, rays)
+        _way(features, i, before, way)
     return features

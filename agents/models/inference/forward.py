@@ -73,7 +73,7 @@ def _features(architecture: Architecture, weights: Weights) -> _Features:
 
 
 def _entries(observation: Observation) -> list[Float32Array]:
-    """Goal, vehicle, mask, obstacles and rays; entries not observed have no columns."""
+    """Goal, vehicle, mask, obstacles, rays and way; entries not observed have no columns."""
     nothing = np.empty((len(observation["goal"]), 0), np.float32)
-    keys = ("goal", "vehicle", "mask", "obstacles", "rays")
+    keys = ("goal", "vehicle", "mask", "obstacles", "rays", "way")
     return [np.ascontiguousarray(observation.get(key, nothing), np.float32) for key in keys]

@@ -24,6 +24,7 @@ def mirrored(observations: dict[str, Tensor], actions: Tensor) -> tuple[dict[str
         # the first ray stays, the second one changes places with the last
         "rays": lambda one: torch.roll(one.flip(1), 1, 1),
         "mask": lambda one: one,
+        "way": _mirrored_way,
     }
     flipped = actions * actions.new_tensor([1.0, -1.0, 1.0, -1.0])
     return {key: images[key](value) for key, value in observations.items()}, flipped
@@ -32,3 +33,8 @@ def mirrored(observations: dict[str, Tensor], actions: Tensor) -> tuple[dict[str
 def _mirrored_obstacles(obstacles: Tensor) -> Tensor:
     rows = obstacles.view(len(obstacles), -1, 4)
     return (rows * rows.new_tensor([1.0, -1.0, 1.0, 1.0])).flatten(1)
+
+
+def _mirrored_way(way: Tensor) -> Tensor:
+    points = way[:, :-2].view(len(way), -1, 2) * way.new_tensor([1.0, -1.0])
+    return torch.cat([points.flatten(1), way[:, -2:]], dim=1)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from ferguson_gym.guidance.margins import surroundings
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world import transition
@@ -18,7 +19,7 @@ from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import fly_segment
 from planners.interface import Plan, Replanner, State, Status, initial_state
-from planners.receding_horizon.pursuit import Pursuit, surroundings
+from planners.receding_horizon.pursuit import Pursuit
 from planners.registry import make
 
 NAMES = [

@@ -1,0 +1,303 @@
+"""The tree of all shortest paths to the goal, and points ahead on them, compiled.
+
+Of a tangent graph it keeps the nodes at which shortest paths leave their tracks, and walls: a tenth
+of the memory. A query looks at all discs without a branch, which the processor does for several at
+a time, instead of sorting them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym.guidance.margins import outside
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, Tracks, sweep
+from ferguson_gym.shortest_paths.tangents import Integers, Records, Scene, angle, tangent
+
+NODE = np.dtype(
+    [
+        ("angle", np.float64),  # in the track's sense [rad]
+        ("togo", np.float64),  # distance to the goal [m]; infinite for a wall
+        ("line", np.float64),  # length of the tangent that leaves here [m]
+        ("at", np.float64),  # angle at which it reaches the next track [rad]
+        ("track", np.int32),  # the next track, or STRAIGHT for the goal
+        ("next", np.int32),  # the node at which the path leaves that
+    ]
+)
+
+
+class PathTree(NamedTuple):
+    """The shortest paths to the goal among n discs."""
+
+    discs: Array
+    """(4, n) x, y and radius, and the distance below which a point counts as inside [m]."""
+    frame: Array
+    """(4, 2) bounds within which a point may lie, the goal, and the field's unit and the clearance
+    given to a point that is moved out of a disc [m]."""
+    first: Integers
+    """(2 n + 1,) index of the first node of each track."""
+    least: Array
+    """(2, n) least distance to the goal of the nodes of each sense's track [m]."""
+    nodes: Records
+    """(m,) of NODE, in the order of their tracks and angles."""
+
+
+@compiled
+def path_tree(
+    scene: Scene, tracks: Tracks, goal: Array, tolerance: float, unit: float, clearance: float
+) -> PathTree:
+    """The tree of a tangent graph.
+
+    Args:
+        scene: its discs.
+        tracks: the graph.
+        goal: (2,) [m].
+        tolerance: by which a point may lie outside the bounds [m].
+        unit: of the field [m].
+        clearance: given to a point that is moved out of a disc [m].
+    """
+    n, m = len(scene.discs), len(tracks.angle)
+    discs, frame, least = np.empty((4, n)), np.empty((4, 2)), np.empty((2, n))
+    for k in range(n):
+        disc = scene.discs[k]
+        discs[0, k], discs[1, k], discs[2, k], discs[3, k] = disc.x, disc.y, disc.radius, disc.reach
+        least[0, k], least[1, k] = tracks.least[2 * k], tracks.least[2 * k + 1]
+    slack = tolerance - scene.margin
+    for d in range(2):
+        frame[0, d], frame[1, d] = scene.box[0, d] - slack, scene.box[1, d] + slack
+        frame[2, d] = goal[d]
+    frame[3, 0], frame[3, 1] = unit, clearance
+    place, count = np.full(m, -1), 0
+    first = np.zeros(2 * n + 1, dtype=np.int64)
+    for track in range(2 * n):
+        first[track] = count
+        for node in range(tracks.first[track], tracks.first[track + 1]):
+            leaves = tracks.leave[node] == node and tracks.togo[node] < np.inf
+            if leaves or tracks.other[node] == WALL:
+                place[node] = count
+                count += 1
+    first[2 * n] = count
+    nodes = np.empty(count, dtype=NODE)
+    for node in range(m):
+        if place[node] < 0:
+            continue
+        kept = nodes[place[node]]
+        kept.angle, kept.togo, kept.line = tracks.angle[node], tracks.togo[node], tracks.line[node]
+        kept.at, kept.track, kept.next = 0.0, STRAIGHT, -1
+        other = tracks.other[node]
+        if other not in (GOAL, WALL):
+            kept.at, kept.track = tracks.angle[other], tracks.track[other]
+            kept.next = place[tracks.leave[other]]
+    return PathTree(discs, frame, first, least, nodes)
+
+
+@compiled
+def _following(tree: PathTree, track: int, at: float) -> int:
+    """The first node of a track at or after an angle, or -1 if the track has none."""
+    low, end = tree.first[track], tree.first[track + 1]
+    first, high = low, end
+    while low < high:
+        middle = (low + high) // 2
+        if tree.nodes[middle].angle < at:
+            low = middle + 1
+        else:
+            high = middle
+    if low < end:
+        return int(low)
+    return int(first) if first < end else -1
+
+
+@compiled
+def _is_clear(
+    x: float, y: float, ux: float, uy: float, length: float, discs: Array, i: int
+) -> bool:
+    """Whether a line from (x, y) in a unit direction meets no disc except `i`, which it touches."""
+    hits = 0
+    for k in range(discs.shape[1]):
+        dx, dy = discs[0, k] - x, discs[1, k] - y
+        beside, along = dx * uy - dy * ux, dx * ux + dy * uy
+        beyond = max(-along, along - length)
+        beyond = beyond if beyond > 0.0 else 0.0
+        hits += (beside * beside + beyond * beyond < discs[3, k] * discs[3, k]) & (k != i)
+    return hits == 0
+
+
+@compiled
+def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
+    """Fill bounds (2, n) of paths from a point by each track [m]; count discs that hold it."""
+    discs, least = tree.discs, tree.least
+    within = 0
+    for k in range(discs.shape[1]):
+        dx, dy, radius = discs[0, k] - x, discs[1, k] - y, discs[2, k]
+        square = dx * dx + dy * dy
+        beyond = square - radius * radius
+        tangential = np.sqrt(beyond if beyond > 0.0 else 0.0)
+        bounds[0, k], bounds[1, k] = tangential + least[0, k], tangential + least[1, k]
+        within += np.sqrt(square) < radius
+    return within
+
+
+@compiled
+def _departure(
+    tree: PathTree, x: float, y: float, bounds: Array
+) -> tuple[float, float, float, int, float, float]:
+    """How the shortest path from a point in no disc to the goal leaves it.
+
+    As `ferguson_gym.shortest_paths.departures.shortest_departure`, with what `_bound` has filled.
+
+    Returns:
+        Length [m], unit direction, track (STRAIGHT or NOWHERE), angle where it is reached [rad],
+        and length of the first line [m].
+    """
+    discs, frame = tree.discs, tree.frame
+    best = (np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+    if not (frame[0, 0] <= x <= frame[1, 0] and frame[0, 1] <= y <= frame[1, 1]):
+        return best
+    dx, dy = frame[2, 0] - x, frame[2, 1] - y
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return 0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0
+    if _is_clear(x, y, dx / distance, dy / distance, distance, discs, -1):
+        best = (distance, dx / distance, dy / distance, STRAIGHT, 0.0, distance)
+    while True:
+        bound, side, i = best[0], -1, -1
+        for s in range(2):
+            for k in range(discs.shape[1]):
+                if bounds[s, k] < bound:
+                    bound, side, i = bounds[s, k], s, k
+        if side < 0:
+            return best
+        bounds[side, i] = np.inf
+        sense, track = 1.0 - 2.0 * side, 2 * i + side
+        line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
+        at = angle(sense, ux, uy)
+        node = _following(tree, track, at)
+        if node < 0:
+            continue
+        there = tree.nodes[node]
+        length = line + discs[2, i] * sweep(at, there.angle) + there.togo
+        if length < best[0] and _is_clear(x, y, ux, uy, line, discs, i):
+            best = (length, ux, uy, track, at, line)
+
+
+@compiled
+def _on_line(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    begin: float,
+    end: float,
+    unit: float,
+    distances: Array,
+    places: Array,
+    number: int,
+) -> int:
+    """Write the places between two distances that lie on a line; returns how many are written."""
+    while number < len(distances) and unit * distances[number] <= end:
+        ahead = unit * distances[number] - begin
+        places[number, 0], places[number, 1] = x + ahead * ux, y + ahead * uy
+        number += 1
+    return number
+
+
+@compiled
+def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places: Array) -> float:
+    """As `look_ahead`, from one point; returns the length of the path [m]."""
+    discs, frame = tree.discs, tree.frame
+    unit = frame[3, 0]
+    bounds = np.empty((2, discs.shape[1]))
+    x, y = from_x, from_y
+    if _bound(tree, x, y, bounds) > 0:
+        x, y, _ = outside(x, y, discs[:2], discs[2], frame[3, 1])
+        if _bound(tree, x, y, bounds) > 0:
+            return np.inf
+    length, ux, uy, track, at, line = _departure(tree, x, y, bounds)
+    if length == np.inf:
+        return np.inf
+    moved = np.sqrt((x - from_x) ** 2 + (y - from_y) ** 2)
+    number = 0
+    if moved > 0.0:
+        way_x, way_y = (x - from_x) / moved, (y - from_y) / moved
+        number = _on_line(from_x, from_y, way_x, way_y, 0.0, moved, unit, distances, places, number)
+    end = moved + line
+    number = _on_line(x, y, ux, uy, moved, end, unit, distances, places, number)
+    node = _following(tree, track, at) if track >= 0 else -1
+    while node >= 0 and number < len(distances):
+        leave, begin = tree.nodes[node], end
+        x, y, radius = discs[0, track // 2], discs[1, track // 2], discs[2, track // 2]
+        sense = 1.0 - 2.0 * (track % 2)
+        end = begin + radius * sweep(at, leave.angle)
+        while number < len(distances) and unit * distances[number] <= end:
+            there = at + (unit * distances[number] - begin) / radius
+            places[number, 0] = x + radius * math.cos(there)
+            places[number, 1] = y + sense * radius * math.sin(there)
+            number += 1
+        cos, sin = math.cos(leave.angle), math.sin(leave.angle)
+        x, y, begin, end = x + radius * cos, y + sense * radius * sin, end, end + leave.line
+        number = _on_line(x, y, -sin, sense * cos, begin, end, unit, distances, places, number)
+        at, track, node = leave.at, int(leave.track), int(leave.next)
+    while number < len(distances):
+        places[number, 0], places[number, 1] = frame[2, 0], frame[2, 1]
+        number += 1
+    return float(moved + length)
+
+
+@compiled
+def look_ahead(tree: PathTree, points: Array, distances: Array, places: Array, togo: Array) -> None:
+    """Points ahead on the shortest paths from some points, and the paths' lengths.
+
+    A point within a disc is moved out of it first, and the way there counts.
+
+    Args:
+        tree: of the field.
+        points: (m, 2) [m].
+        distances: (n,) along a path, increasing [units of the field].
+        places: (m, n, 2), filled [m]; those beyond the goal are on it.
+        togo: (m,), filled [m]; infinite where there is no path, and places mean nothing then.
+    """
+    for i in range(len(points)):
+        togo[i] = _look(tree, points[i, 0], points[i, 1], distances, places[i])
+
+
+class Forest(NamedTuple):
+    """Many trees, one behind the other."""
+
+    parts: Integers
+    """(trees, 4) number of discs of each, and where its parts begin in the next three."""
+    numbers: Array
+    """`discs`, `least` and `frame`."""
+    first: Integers
+    nodes: Records
+
+
+@compiled
+def look_ahead_each(
+    forest: Forest,
+    which: Integers,
+    points: Array,
+    distances: Array,
+    places: Array,
+    togo: Array,
+) -> None:
+    """As `look_ahead`, each point (m,) in a tree of its own: infinite where `which` is negative."""
+    for i in range(len(points)):
+        togo[i] = np.inf
+        if which[i] < 0:
+            continue
+        n, begin, first, node = forest.parts[which[i]]
+        least, frame = begin + 4 * n, begin + 6 * n
+        until = forest.first[first + 2 * n]
+        tree = PathTree(
+            forest.numbers[begin:least].reshape(4, n),
+            forest.numbers[frame : frame + 8].reshape(4, 2),
+            forest.first[first : first + 2 * n + 1],
+            forest.numbers[least:frame].reshape(2, n),
+            forest.nodes[node : node + until],
+        )
+        togo[i] = _look(tree, points[i, 0], points[i, 1], distances, places[i])

@@ -1,0 +1,77 @@
+"""Trees of shortest paths of many fields in arrays that one compiled call reads."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ferguson_gym.guidance.path_tree import NODE, Forest, PathTree, look_ahead_each
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.tangents import Integers
+
+A = TypeVar("A", bound=NDArray[Any])
+
+MOST_BYTES = 2**28
+"""Memory of the trees that are kept; when they need more, all are forgotten and made again."""
+
+
+class TreePool:
+    """Trees by number, one behind the other in three arrays that grow by doubling."""
+
+    def __init__(self) -> None:
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all trees."""
+        numbers, first, nodes = np.empty(4096), np.empty(1024, np.int64), np.empty(1024, NODE)
+        self._forest = Forest(np.empty((64, 4), np.int64), numbers, first, nodes)
+        self._number, self._used = 0, [0, 0, 0]
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the trees take more memory than `MOST_BYTES`."""
+        return sum(array.nbytes for array in self._forest) > MOST_BYTES
+
+    def add(self, tree: PathTree) -> int:
+        """Keep a tree; returns its number, which holds until `clear`."""
+        numbers = np.concatenate([tree.discs.ravel(), tree.least.ravel(), tree.frame.ravel()])
+        parts, old_numbers, old_first, old_nodes = self._forest
+        at_numbers, at_first, at_nodes = self._used
+        self._forest = Forest(
+            _with(parts, self._number, np.array([[tree.discs.shape[1], *self._used]])),
+            _with(old_numbers, at_numbers, numbers),
+            _with(old_first, at_first, tree.first),
+            _with(old_nodes, at_nodes, tree.nodes),
+        )
+        self._used = [
+            at_numbers + len(numbers),
+            at_first + len(tree.first),
+            at_nodes + len(tree.nodes),
+        ]
+        self._number += 1
+        return self._number - 1
+
+    def look_ahead(self, which: Integers, points: Array, distances: Array) -> tuple[Array, Array]:
+        """Points ahead (m, n, 2) [m] and distances to go (m,) [m], on paths with margins.
+
+        Args:
+            which: (m,) numbers of trees; the distance is infinite for those below zero.
+            points: (m, 2) [m], each among the discs of its tree.
+            distances: (n,) along the way at which points are shown [units of the field].
+        """
+        places, togo = np.empty((len(points), len(distances), 2)), np.empty(len(points))
+        look_ahead_each(self._forest, which, points, distances, places, togo)
+        return places, togo
+
+
+def _with(array: A, used: int, part: A) -> A:
+    """An array with rows written behind those in use; at least doubled if it must grow."""
+    until = used + len(part)
+    if until > len(array):
+        longer: Any = np.empty((max(until, 2 * len(array)), *array.shape[1:]), array.dtype)
+        longer[:used] = array[:used]
+        array = longer
+    array[used:until] = part
+    return array

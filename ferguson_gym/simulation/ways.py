@@ -1,0 +1,240 @@
+"""The way as observations show it and as rewards measure progress along it.
+
+The compiled step knows nothing of ways: they are written behind its observations, which come last
+in the order of entries, and rewards are made anew where progress is measured along the way.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import numpy as np
+
+from ferguson_gym.guidance.tree_pool import TreePool
+from ferguson_gym.guidance.way import Way, tree_of, with_margin
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.exact import exact_length
+from ferguson_gym.simulation.observations import FlatObservation, Layout
+from ferguson_gym.simulation.reward import segment_reward
+from ferguson_gym.simulation.settings import WAY, Settings
+from ferguson_gym.simulation.step_buffers import SAME_STEP, Integers, Records, StepBuffers
+from ferguson_gym.world.actions import heading
+from ferguson_gym.world.feasibility import FLYING
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LONGEST
+from ferguson_gym.world.outcome import Outcome
+
+_UNKNOWN, _NONE = -2, -1
+"""Instead of the number of a slot's tree: not made yet, and none among so many discs."""
+GOAL_REACHED = Outcome.GOAL_REACHED.code
+
+
+def distances_along(number: int, view: float) -> Array:
+    """Distances (number,) along the way at which its points are shown [units of the field]."""
+    return view * np.arange(1, number + 1) / max(number, 1)
+
+
+@compiled
+def write_rows(
+    rows: FlatObservation,
+    places: Array,
+    togo: Array,
+    positions: Array,
+    derivatives: Array,
+    view: Array,
+    diagonal: Array,
+) -> None:
+    """Write the entries `way` (m, 2 n + 2) of m vehicles, as the environment's docstring says.
+
+    Args:
+        rows: filled.
+        places: (m, n, 2) points ahead [m].
+        togo: (m,) distances to go [m].
+        positions: (m, 2) [m].
+        derivatives: (m, 2) [m per unit t].
+        view: (m,) range of the observation [m].
+        diagonal: (m,) of the bounds [m].
+    """
+    points = places.shape[1]
+    for i in range(len(rows)):
+        turn = heading(derivatives[i, 0], derivatives[i, 1])
+        for k in range(points):
+            x = (places[i, k, 0] - positions[i, 0]) / view[i]
+            y = (places[i, k, 1] - positions[i, 1]) / view[i]
+            rows[i, 2 * k] = min(max(turn.real * x + turn.imag * y, -1.0), 1.0)
+            rows[i, 2 * k + 1] = min(max(turn.real * y - turn.imag * x, -1.0), 1.0)
+        rows[i, 2 * points] = min(togo[i] / view[i], 1.0)
+        rows[i, 2 * points + 1] = min(0.5 * togo[i] / diagonal[i], 1.0)
+
+
+@lru_cache(maxsize=2)
+def _way(field: Field, margin: float, number: int, view: float) -> Way:
+    return Way(field, margin, distances_along(number, view))
+
+
+def observe_way(
+    field: Field, positions: Array, derivatives: Array, settings: Settings, layout: Layout
+) -> FlatObservation:
+    """Entries `way` (m, 2 n + 2) of vehicles in one field at positions (m, 2) with derivatives."""
+    rows = np.empty((len(positions), 2 * layout.way + 2), np.float32)
+    way = _way(field, float(settings.margin), layout.way, layout.max_range)
+    places, togo = way.ahead(positions)
+    view = np.full(len(rows), layout.max_range * field.limits.unit)
+    diagonal = np.full(len(rows), np.linalg.norm(field.bounds[1] - field.bounds[0]))
+    write_rows(rows, places, togo, positions, derivatives, view, diagonal)
+    return rows
+
+
+class Ways:
+    """The ways of N vehicles, each in a field of its own, which a slot of a store holds.
+
+    Args:
+        settings: of the environment.
+        number: N.
+        field: returns the field in a slot.
+    """
+
+    def __init__(self, settings: Settings, number: int, field: Callable[[int], Field]) -> None:
+        self._settings, self._field, self._layout = settings, field, settings.layout
+        self._distances = distances_along(self._layout.way, self._layout.max_range)
+        self._pool = TreePool()
+        self._trees, self._lengths = np.full(0, _UNKNOWN), np.full(0, np.nan)
+        self._others: dict[int, Way] = {}  # by slot, where paths with margins do not suffice
+        self._togo, self._whole = np.zeros(number), np.zeros(number)
+
+    def forget(self, first: int, end: int | None = None) -> None:
+        """Forget what is known of slots whose fields change, from a first one up to an end."""
+        self._trees[first:end], self._lengths[first:end] = _UNKNOWN, np.nan
+        end = len(self._trees) if end is None else end
+        self._others = {k: way for k, way in self._others.items() if not first <= k < end}
+
+    def begin(self, buffers: StepBuffers) -> None:
+        """Write what all vehicles are shown after a reset, or in copied flights."""
+        self._show(buffers)
+        if self._settings.progress == WAY:
+            slots = buffers.flights["slot"]
+            self._whole = self._ahead(slots, buffers.fields.records["start"][slots])[1]
+
+    def step(self, before: Records, buffers: StepBuffers) -> None:
+        """Write what all vehicles are shown after a step, and rewards along the way.
+
+        Args:
+            before: (N,) of FLIGHT, copied before the step.
+            buffers: as the step left them.
+        """
+        after, old, whole = buffers.flights, self._togo, self._whole
+        ended = np.flatnonzero(buffers.reports["terminated"] | buffers.reports["truncated"])
+        self._show(buffers)
+        new = self._togo
+        if buffers.mode == SAME_STEP and len(ended):
+            after, new = after.copy(), new.copy()
+            after[ended] = _last(before[ended], buffers, ended)
+            new[ended] = self._write(buffers.final_observations, buffers, after[ended], ended)
+            if self._settings.reference:
+                buffers.final_reports["shortest"] = 0.0
+                buffers.final_reports["shortest"][ended] = self._shortest(before["slot"][ended])
+        if self._settings.progress == WAY:
+            self._whole = np.where(buffers.flights["segments"] == 0, self._togo, whole)
+            flown = (before["outcome"] == FLYING) & (after["segments"] > before["segments"])
+            which = np.flatnonzero(flown & np.isfinite(old + new + whole))
+            _reward_along(buffers.reports, which, before, after, old, new, whole)
+
+    def _show(self, buffers: StepBuffers) -> None:
+        everyone = np.arange(len(buffers.flights))
+        self._togo = self._write(buffers.observations, buffers, buffers.flights, everyone)
+        if self._settings.reference:
+            buffers.reports["shortest"] = self._shortest(buffers.flights["slot"])
+
+    def _write(
+        self, observations: FlatObservation, buffers: StepBuffers, flights: Records, which: Integers
+    ) -> Array:
+        """Write ways of vehicles (m,) in states of FLIGHT (m,); returns distances to go (m,)."""
+        if not self._layout.way and self._settings.progress != WAY:
+            return np.zeros(len(flights))
+        records, slots = buffers.fields.records, flights["slot"]
+        positions = np.ascontiguousarray(flights["position"])
+        places, togo = self._ahead(slots, positions)
+        if self._layout.way:
+            rows = np.empty((len(slots), 2 * self._layout.way + 2), np.float32)
+            unit, bounds = records["longest"][slots] / PAPER_LONGEST, records["bounds"][slots]
+            diagonal = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
+            derivatives = np.ascontiguousarray(flights["derivative"])
+            view = self._layout.max_range * unit
+            write_rows(rows, places, togo, positions, derivatives, view, diagonal)
+            size = rows.shape[1] * len(buffers.flights)
+            observations[len(observations) - size :].reshape(-1, rows.shape[1])[which] = rows
+        return togo
+
+    def _ahead(self, slots: Integers, points: Array) -> tuple[Array, Array]:
+        """Points ahead (m, n, 2) and distances to go (m,) of vehicles in slots (m,)."""
+        self._make_room(slots)
+        if (self._trees[slots] == _UNKNOWN).any():
+            if self._pool.is_full:
+                self._pool.clear()
+                self._trees[:] = _UNKNOWN
+            for slot in np.unique(slots[self._trees[slots] == _UNKNOWN]).tolist():
+                tree = tree_of(with_margin(self._field(slot), self._settings.margin))
+                self._trees[slot] = _NONE if tree is None else self._pool.add(tree)
+        places, togo = self._pool.look_ahead(self._trees[slots], points, self._distances)
+        for i in np.flatnonzero(np.isinf(togo)).tolist():
+            slot = int(slots[i])
+            if slot not in self._others:
+                field = self._field(slot)
+                self._others[slot] = Way(field, self._settings.margin, self._distances)
+            places[i : i + 1], togo[i : i + 1] = self._others[slot].ahead(points[i : i + 1])
+        return places, togo
+
+    def _shortest(self, slots: Integers) -> Array:
+        """Lengths (m,) of the shortest paths of the fields in slots (m,) [m]; infinite for none."""
+        self._make_room(slots)
+        for slot in np.unique(slots[np.isnan(self._lengths[slots])]).tolist():
+            length = exact_length(self._field(slot))
+            self._lengths[slot] = np.inf if length is None else length
+        return self._lengths[slots]
+
+    def _make_room(self, slots: Integers) -> None:
+        if (more := int(slots.max(initial=0)) + 1 - len(self._trees)) > 0:
+            self._trees = np.concatenate([self._trees, np.full(more, _UNKNOWN)])
+            self._lengths = np.concatenate([self._lengths, np.full(more, np.nan)])
+
+
+def _last(before: Records, buffers: StepBuffers, ended: Integers) -> Records:
+    """States of FLIGHT (m,) in which flights ended that the same step has started anew."""
+    last, final = before.copy(), buffers.final_reports[ended]
+    for key in ("segments", "path_length", "outcome"):
+        last[key] = final[key]
+    flown = final["segments"] > before["segments"]
+    control = buffers.paths[ended, before["segments"]][flown]
+    last["position"][flown], last["derivative"][flown] = control[:, 1], control[:, 3]
+    return last
+
+
+@compiled
+def _reward_along(
+    reports: Records,
+    which: Integers,
+    before: Records,
+    after: Records,
+    old: Array,
+    new: Array,
+    whole: Array,
+) -> None:
+    """Reward segments that were flown by their progress along the way.
+
+    Args:
+        reports: (N,) whose rewards are written.
+        which: (m,) vehicles that flew a segment.
+        before: (N,) of FLIGHT, before the segment.
+        after: (N,) of FLIGHT, after it.
+        old: (N,) distances to go before it [m].
+        new: (N,) distances to go after it [m].
+        whole: (N,) distances to go from the start [m].
+    """
+    for i in which:
+        length = after[i].path_length - before[i].path_length
+        reward = segment_reward(old[i], new[i], length, whole[i], before[i].detour)
+        if after[i].outcome not in (FLYING, GOAL_REACHED):
+            reward -= before[i].failure
+        reports[i].reward = reward
