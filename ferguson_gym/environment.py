@@ -97,6 +97,8 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     | | | distance to go along the way / `view` | 0..1 |
     | | | the same / twice the diagonal of the bounds | 0..1 |
 
+    Without a path to the goal, the points are at the vehicle and both distances are 1.
+
     ## Scale
     Lengths in the two sections above hold for fields whose longest segment is 15 m, the default. A
     field with other limits (`Field.limits`, the key `limits` of a JSON file) has its own scale: the
@@ -114,7 +116,7 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     limit of segments) and 0.107 (15 m straight to the goal).
 
     With `progress="way"`, progress and D are measured along the way that keeps `margin`, which is
-    global knowledge, too.
+    global knowledge, too; in a field without a path to the goal they remain straight.
 
     ## Training
     With the defaults of most libraries nothing is learned. Begin with a discount of 0.9, since a

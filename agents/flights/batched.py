@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode
 
 from agents.flights.flight import Flight
 from agents.models import Model
-from ferguson_gym.simulation.settings import Settings
+from ferguson_gym.simulation.settings import OBSERVING, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world import Field, Outcome
 
@@ -83,9 +83,5 @@ def _environments(settings: Settings, fields: Sequence[Field], number: int) -> V
         autoreset_mode=AutoresetMode.DISABLED,
         fields=1,
         capacity=max(most, Settings().max_obstacles),
-        observation=settings.observation,
-        nearest=settings.nearest,
-        focus=settings.focus,
-        rays=settings.rays,
-        view=settings.view,
+        **{name: getattr(settings, name) for name in OBSERVING},
     )

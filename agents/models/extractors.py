@@ -185,7 +185,7 @@ def _others(observation: dict[str, Tensor]) -> list[Tensor]:
     if "way" in observation:
         way = observation["way"]
         points = way.shape[1] // 2 - 1
-        nearer = points / torch.arange(1.0, points + 1.0)
+        nearer = points / torch.arange(1.0, points + 1.0, device=way.device)
         togo = (WAY_SCALE * way[:, -2:-1]).clamp(max=1.0)
         features += [way[:, :-2] * nearer.repeat_interleave(2), way[:, -2:], togo]
     return features

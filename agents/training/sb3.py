@@ -33,6 +33,7 @@ from agents.training.learning_curve import TrainingRecord, card_of
 from agents.training.progress import TrainingProgress, show_progress, write_progress
 from agents.training.run import Run
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
+from ferguson_gym.simulation.settings import OBSERVING
 from ferguson_gym.world.field_names import get_fields
 
 CHECKPOINT_SECONDS = 300.0
@@ -46,8 +47,6 @@ _NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckA
 _CRITIC_ALONE = "critic_alone"
 """Key of PPO that its library does not have: steps in which only the critic is trained."""
 _CRITIC = ("mlp_extractor.value_net", "value_net")
-_VIEW = ("observation", "nearest", "focus", "rays", "view")
-"""Arguments of the environment that determine the observation."""
 
 
 def prepare(run: Run) -> Job:
@@ -116,8 +115,9 @@ def card_for(run: Run, start: TorchModel | None) -> ModelCard:
     policy, policy_kwargs = given.policy, given.policy_kwargs
     if start is not None:
         policy, policy_kwargs = start.card.policy, start.card.policy_kwargs
-        view = {key: start.card.environment[key] for key in _VIEW if key in start.card.environment}
-        environment = {key: environment[key] for key in environment if key not in _VIEW} | view
+        theirs = start.card.environment
+        view = {key: theirs[key] for key in OBSERVING if key in theirs}
+        environment = {key: environment[key] for key in environment if key not in OBSERVING} | view
     check_environment(environment, "env_kwargs: ")
     card = card_of(run, policy, policy_kwargs, environment)
     torch_model.build(card)

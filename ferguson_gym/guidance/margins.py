@@ -86,6 +86,9 @@ def outside(
 ) -> tuple[float, float, bool]:
     """A point outside of all discs near a point [m], and whether one was found.
 
+    It moves away from the centre of the deepest disc, from the centre itself to the right, until no
+    disc holds it.
+
     Args:
         x: of the point.
         y: of the point.
@@ -103,6 +106,8 @@ def outside(
         if deepest < 0:
             return x, y, True
         dx, dy = x - centers[0, deepest], y - centers[1, deepest]
+        if dx == 0.0 and dy == 0.0:
+            dx = 1.0
         longer = (radii[deepest] + clearance) / np.sqrt(dx * dx + dy * dy)
         x, y = centers[0, deepest] + dx * longer, centers[1, deepest] + dy * longer
     return x, y, False

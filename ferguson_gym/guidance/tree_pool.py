@@ -14,7 +14,7 @@ from ferguson_gym.shortest_paths.tangents import Integers
 A = TypeVar("A", bound=NDArray[Any])
 
 MOST_BYTES = 2**28
-"""Memory of the trees that are kept; when they need more, all are forgotten and made again."""
+"""Memory that a pool may take before its owner should forget its trees and make them again."""
 
 
 class TreePool:
@@ -28,6 +28,9 @@ class TreePool:
         numbers, first, nodes = np.empty(4096), np.empty(1024, np.int64), np.empty(1024, NODE)
         self._forest = Forest(np.empty((64, 4), np.int64), numbers, first, nodes)
         self._number, self._used = 0, [0, 0, 0]
+
+    def __len__(self) -> int:
+        return self._number
 
     @property
     def is_full(self) -> bool:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.guidance.margins import OUTSIDE, surroundings
+from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
 from ferguson_gym.guidance.path_tree import PathTree, look_ahead, path_tree
 from ferguson_gym.runtime.arrays import Array, finite
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.world.field import Field
+from ferguson_gym.world.field import Field, planar_discs
 
-SPACING = 0.25
-"""Distance between points on a path among many discs, from which others are interpolated
-[units of the field]."""
+
+class _Paths(NamedTuple):
+    """Shortest paths to a goal."""
+
+    togo: DistanceToGoal
+    tree: PathTree | None
+    """All of them; None among many discs, where each path is searched for."""
 
 
 class Way:
@@ -36,10 +42,8 @@ class Way:
     def __init__(self, field: Field, margin: float, distances: ArrayLike) -> None:
         self._field = field
         self._distances = finite("distances", distances, (None,))
-        self._kept = with_margin(field, margin)
-        self._exact: DistanceToGoal | None = None
-        self.tree = tree_of(self._kept)
-        """The paths that keep the margin; None among many discs."""
+        self._kept = _paths(with_margin(field, margin))
+        self._exact: _Paths | None = None
 
     def ahead(self, points: Array) -> tuple[Array, Array]:
         """Points ahead (m, n, 2) [m] and distances to go (m,) [m] from points (m, 2) [m].
@@ -48,34 +52,40 @@ class Way:
         infinite, and all points ahead are the point itself.
         """
         points = np.ascontiguousarray(points)
-        places, togo = self._along(self._kept, self.tree, points)
+        places, togo = self._along(self._kept, points)
         if (none := np.isinf(togo)).any():
             if self._exact is None:
-                self._exact = DistanceToGoal(self._field)
-            there, left = self._along(self._exact, tree_of(self._exact), points[none])
+                self._exact = _paths(DistanceToGoal(self._field))
+            there, left = self._along(self._exact, points[none])
             there[np.isinf(left)] = points[none][np.isinf(left), None]
             places[none], togo[none] = there, left
         return places, togo
 
-    def _along(
-        self, paths: DistanceToGoal, tree: PathTree | None, points: Array
-    ) -> tuple[Array, Array]:
+    def _along(self, paths: _Paths, points: Array) -> tuple[Array, Array]:
         """As `ahead`, on given paths; where there is none the points ahead mean nothing."""
         places, togo = np.empty((len(points), len(self._distances), 2)), np.empty(len(points))
-        if tree is not None:
-            look_ahead(tree, points, self._distances, places, togo)
+        if paths.tree is not None:
+            look_ahead(paths.tree, points, self._distances, places, togo)
             return places, togo
-        unit = self._field.limits.unit
+        discs, unit = planar_discs(paths.togo.field), self._field.limits.unit
+        columns, shown = np.ascontiguousarray(discs.centers.T), unit * self._distances
         for i, point in enumerate(points):
-            path = paths.path(point)
-            togo[i] = np.inf if path is None else path.length
-            if path is not None:
-                spots = path.points(SPACING * unit)
-                chords = np.linalg.norm(np.diff(spots, axis=0), axis=1)
-                along = np.concatenate([[0.0], np.cumsum(chords)])
-                shown = unit * self._distances
-                places[i] = np.column_stack([np.interp(shown, along, axis) for axis in spots.T])
+            x, y, found = outside(point[0], point[1], columns, discs.radii, OUTSIDE * unit)
+            path = paths.togo.path((x, y)) if found else None
+            if path is None:
+                togo[i] = np.inf
+                continue
+            away = np.array([x, y]) - point
+            moved = float(np.linalg.norm(away))
+            togo[i], places[i] = moved + path.length, path.at(shown - moved)
+            if moved > 0.0:
+                before = shown <= moved
+                places[i, before] = point + shown[before, None] / moved * away
         return places, togo
+
+
+def _paths(togo: DistanceToGoal) -> _Paths:
+    return _Paths(togo, tree_of(togo))
 
 
 def with_margin(field: Field, margin: float) -> DistanceToGoal:

@@ -48,6 +48,27 @@ class ShortestPath:
         turns: Array = np.abs(self.angles[:, 1] - self.angles[:, 0])
         return turns
 
+    def at(self, distances: Array) -> Array:
+        """Points (n, 2) [m] at distances (n,) along the path [m]: its ends before and beyond it."""
+        straights = np.linalg.norm(self.lines[:, 1] - self.lines[:, 0], axis=1)
+        lengths = np.zeros(2 * len(straights) - 1)  # line, arc, line, and so on
+        lengths[::2], lengths[1::2] = straights, self.radii * self.sweeps
+        ends = np.cumsum(lengths)
+        pieces = np.minimum(np.searchsorted(ends, distances), len(lengths) - 1)
+        # a piece of length zero is its end
+        beyond = np.clip(ends[pieces] - distances, 0.0, lengths[pieces])
+        share = 1.0 - beyond / np.where(lengths[pieces] > 0.0, lengths[pieces], 1.0)
+        spots = np.empty((len(distances), 2))
+        on_line, k = pieces % 2 == 0, pieces // 2
+        start, end = self.lines[k[on_line], 0], self.lines[k[on_line], 1]
+        spots[on_line] = start + share[on_line, None] * (end - start)
+        arc = k[~on_line]
+        first, last = self.angles[arc].T
+        angle = first + share[~on_line] * (last - first)
+        around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        spots[~on_line] = self.centers[arc] + self.radii[arc, None] * around
+        return spots
+
     def points(self, spacing: float) -> Array:
         """Points on the path from its start to its end, (n, 2) [m].
 

@@ -12,9 +12,9 @@ def segment_reward(
     """Reward of a segment that was flown, without the penalty for failure.
 
     `(progress - detour (length - progress)) / distance`. The rewards of a flight of L metres that
-    reaches the goal sum to 1 - detour (L / D - 1), with D the straight distance. The progress of
-    all segments sums to at most D, and no segment is shorter than its progress, so loops are never
-    rewarded. `before` and `after` are straight distances to the goal [m], `distance` is that of the
+    reaches the goal sum to 1 - detour (L / D - 1), with D the distance from the start. The progress
+    of all segments sums to at most D, and a loop makes none, so loops are never rewarded. `before`
+    and `after` are distances to the goal [m], straight or along the way, `distance` is that of the
     start. `detour` weighs length beyond progress; all progress together is rewarded with 1.
     """
     progress = before - after

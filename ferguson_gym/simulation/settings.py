@@ -36,6 +36,8 @@ STRAIGHT, WAY = "straight", "way"
 """Along what rewards measure progress."""
 INFOS = ("is_success", "outcome", "path_length", "clearance", "segments")
 """Keys of `info`, without the one that `reference` adds."""
+OBSERVING = ("observation", "nearest", "focus", "rays", "view", "way", "margin")
+"""Arguments that determine what is observed, apart from its form."""
 CHANGEABLE = (
     *("suite", "split", "fields", "obstacles", "radii"),
     *("gate", "segments", "detour", "failure"),

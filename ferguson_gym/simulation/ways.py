@@ -1,7 +1,7 @@
 """The way as observations show it and as rewards measure progress along it.
 
 The compiled step knows nothing of ways: they are written behind its observations, which come last
-in the order of entries, and rewards are made anew where progress is measured along the way.
+in the order of entries, and rewards are computed again where progress is measured along the way.
 """
 
 from __future__ import annotations
@@ -28,6 +28,8 @@ from ferguson_gym.world.outcome import Outcome
 
 _UNKNOWN, _NONE = -2, -1
 """Instead of the number of a slot's tree: not made yet, and none among so many discs."""
+_UNUSED = 64
+"""Trees of fields that are flown no more, which are kept beside as many as are in use."""
 GOAL_REACHED = Outcome.GOAL_REACHED.code
 
 
@@ -44,7 +46,7 @@ def write_rows(
     positions: Array,
     derivatives: Array,
     view: Array,
-    diagonal: Array,
+    bounds: Array,
 ) -> None:
     """Write the entries `way` (m, 2 n + 2) of m vehicles, as the environment's docstring says.
 
@@ -55,7 +57,7 @@ def write_rows(
         positions: (m, 2) [m].
         derivatives: (m, 2) [m per unit t].
         view: (m,) range of the observation [m].
-        diagonal: (m,) of the bounds [m].
+        bounds: (m, 2, 2) lower and upper ones [m].
     """
     points = places.shape[1]
     for i in range(len(rows)):
@@ -66,7 +68,9 @@ def write_rows(
             rows[i, 2 * k] = min(max(turn.real * x + turn.imag * y, -1.0), 1.0)
             rows[i, 2 * k + 1] = min(max(turn.real * y - turn.imag * x, -1.0), 1.0)
         rows[i, 2 * points] = min(togo[i] / view[i], 1.0)
-        rows[i, 2 * points + 1] = min(0.5 * togo[i] / diagonal[i], 1.0)
+        wide, high = bounds[i, 1, 0] - bounds[i, 0, 0], bounds[i, 1, 1] - bounds[i, 0, 1]
+        diagonal = np.sqrt(wide * wide + high * high)
+        rows[i, 2 * points + 1] = min(0.5 * togo[i] / diagonal, 1.0)
 
 
 @lru_cache(maxsize=2)
@@ -82,8 +86,8 @@ def observe_way(
     way = _way(field, float(settings.margin), layout.way, layout.max_range)
     places, togo = way.ahead(positions)
     view = np.full(len(rows), layout.max_range * field.limits.unit)
-    diagonal = np.full(len(rows), np.linalg.norm(field.bounds[1] - field.bounds[0]))
-    write_rows(rows, places, togo, positions, derivatives, view, diagonal)
+    bounds = np.repeat(field.bounds[None], len(rows), axis=0)
+    write_rows(rows, places, togo, positions, derivatives, view, bounds)
     return rows
 
 
@@ -101,7 +105,8 @@ class Ways:
         self._distances = distances_along(self._layout.way, self._layout.max_range)
         self._pool = TreePool()
         self._trees, self._lengths = np.full(0, _UNKNOWN), np.full(0, np.nan)
-        self._others: dict[int, Way] = {}  # by slot, where paths with margins do not suffice
+        # by slot, where the tree of paths with margins does not suffice; those used last come last
+        self._others: dict[int, Way] = {}
         self._togo, self._whole = np.zeros(number), np.zeros(number)
 
     def forget(self, first: int, end: int | None = None) -> None:
@@ -159,10 +164,9 @@ class Ways:
         if self._layout.way:
             rows = np.empty((len(slots), 2 * self._layout.way + 2), np.float32)
             unit, bounds = records["longest"][slots] / PAPER_LONGEST, records["bounds"][slots]
-            diagonal = np.linalg.norm(bounds[:, 1] - bounds[:, 0], axis=1)
             derivatives = np.ascontiguousarray(flights["derivative"])
             view = self._layout.max_range * unit
-            write_rows(rows, places, togo, positions, derivatives, view, diagonal)
+            write_rows(rows, places, togo, positions, derivatives, view, bounds)
             size = rows.shape[1] * len(buffers.flights)
             observations[len(observations) - size :].reshape(-1, rows.shape[1])[which] = rows
         return togo
@@ -171,20 +175,35 @@ class Ways:
         """Points ahead (m, n, 2) and distances to go (m,) of vehicles in slots (m,)."""
         self._make_room(slots)
         if (self._trees[slots] == _UNKNOWN).any():
-            if self._pool.is_full:
-                self._pool.clear()
-                self._trees[:] = _UNKNOWN
+            self._forget_unused()
             for slot in np.unique(slots[self._trees[slots] == _UNKNOWN]).tolist():
                 tree = tree_of(with_margin(self._field(slot), self._settings.margin))
                 self._trees[slot] = _NONE if tree is None else self._pool.add(tree)
         places, togo = self._pool.look_ahead(self._trees[slots], points, self._distances)
         for i in np.flatnonzero(np.isinf(togo)).tolist():
-            slot = int(slots[i])
-            if slot not in self._others:
-                field = self._field(slot)
-                self._others[slot] = Way(field, self._settings.margin, self._distances)
-            places[i : i + 1], togo[i : i + 1] = self._others[slot].ahead(points[i : i + 1])
+            places[i : i + 1], togo[i : i + 1] = self._other(int(slots[i])).ahead(points[i : i + 1])
         return places, togo
+
+    def _forget_unused(self) -> None:
+        """Forget all trees if most belong to no field any more, or if they take much memory.
+
+        As many are made again as there are vehicles, so that this is not done at every reset.
+        """
+        pool, number = self._pool, len(self._togo)
+        used = np.count_nonzero(self._trees >= 0)
+        if len(pool) > 2 * used + _UNUSED or (pool.is_full and len(pool) > 2 * number):
+            pool.clear()
+            self._trees[:] = _UNKNOWN
+
+    def _other(self, slot: int) -> Way:
+        """The way in a slot's field by other means than its tree of paths with margins."""
+        way = self._others.pop(slot, None)
+        if way is None:
+            way = Way(self._field(slot), self._settings.margin, self._distances)
+            if len(self._others) >= 2 * len(self._togo):
+                del self._others[next(iter(self._others))]
+        self._others[slot] = way
+        return way
 
     def _shortest(self, slots: Integers) -> Array:
         """Lengths (m,) of the shortest paths of the fields in slots (m,) [m]; infinite for none."""
@@ -195,13 +214,14 @@ class Ways:
         return self._lengths[slots]
 
     def _make_room(self, slots: Integers) -> None:
-        if (more := int(slots.max(initial=0)) + 1 - len(self._trees)) > 0:
+        if int(slots.max(initial=0)) >= len(self._trees):
+            more = max(int(slots.max()) + 1 - len(self._trees), len(self._trees))
             self._trees = np.concatenate([self._trees, np.full(more, _UNKNOWN)])
             self._lengths = np.concatenate([self._lengths, np.full(more, np.nan)])
 
 
 def _last(before: Records, buffers: StepBuffers, ended: Integers) -> Records:
-    """States of FLIGHT (m,) in which flights ended that the same step has started anew."""
+    """States of FLIGHT (m,) in which flights ended in a step that has also reset them."""
     last, final = before.copy(), buffers.final_reports[ended]
     for key in ("segments", "path_length", "outcome"):
         last[key] = final[key]

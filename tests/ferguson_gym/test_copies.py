@@ -53,7 +53,11 @@ def assert_same_scalar(one: ObstacleField, other: ObstacleField) -> None:
 
 @pytest.mark.parametrize("way", COPIES)
 @pytest.mark.parametrize(
-    "arguments", [{"observation": "both", "flat": True}, {"fields": "dense/test:0-30"}]
+    "arguments",
+    [
+        {"observation": "both", "flat": True},
+        {"fields": "sparse/test:0-30", "rays": 4, "way": 3, "progress": "way", "reference": True},
+    ],
 )
 def test_a_copy_of_a_scalar_environment_goes_on_as_the_original(way: str, arguments: dict) -> None:
     env = gym.make(ENVIRONMENT_ID, segments=6, **arguments)

@@ -16,7 +16,8 @@ SCALES = [1e-3, 0.3048, 7.0, 1e4]
 
 def flights(field: Field, moved: Field) -> tuple[ObstacleField, ObstacleField, list[np.ndarray]]:
     """Two environments, reset in a field and in its image, and the actions of a flight."""
-    one, other = (ObstacleField(observation="both", fields=1) for _ in range(2))
+    shown = {"observation": "both", "way": 6, "progress": "way", "reference": True}
+    one, other = (ObstacleField(fields=1, **shown) for _ in range(2))
     one.reset(seed=0, options={"field": field})
     other.reset(seed=0, options={"field": moved})
     plan = make("pursuit").plan(field, planner_state(field), 0)
@@ -41,11 +42,16 @@ def test_observations_rewards_and_infos_scale_with_the_field(motion: Motion) -> 
         assert scaled_reward == pytest.approx(reward, abs=1e-6)
         assert scaled_info["segments"] == info["segments"]
         assert scaled_info["outcome"] == info["outcome"]
-        for name in ("path_length", "clearance"):
+        for name in ("path_length", "clearance", "shortest"):
             assert scaled_info[name] == pytest.approx(motion.scale * info[name], rel=1e-6)
         if not turned:
             for key, values in seen.items():
                 np.testing.assert_allclose(image[key], values, rtol=0, atol=2e-5, err_msg=key)
+        elif mirrored:
+            flip = np.append(np.tile([1.0, -1.0], 6), [1.0, 1.0])
+            np.testing.assert_allclose(image["way"], flip * seen["way"], rtol=0, atol=2e-5)
+        else:
+            np.testing.assert_allclose(image["way"], seen["way"], rtol=0, atol=2e-5)
     assert info["is_success"]
 
 

@@ -41,6 +41,10 @@ EVERY_ARGUMENT: dict[str, Any] = {
     "nearest": 3,
     "focus": 4.0,
     "rays": 9,
+    "way": 2,
+    "margin": 0.5,
+    "progress": "way",
+    "reference": True,
     "detour": 0.5,
     "failure": 2.0,
     "capacity": 60,
@@ -50,6 +54,7 @@ OBSERVATIONS: list[dict] = [
     {"observation": "discs", "focus": 10.0},
     {"observation": "rays", "rays": 1},
     {"observation": "rays"},
+    {"rays": 3, "way": 7},
 ]
 
 

@@ -22,6 +22,7 @@ FEW = 8
 KINDS: dict[str, dict] = {
     "discs": {"observation": "discs", "nearest": 7, "focus": 6.0},
     "rays": {"observation": "rays", "rays": 13},
+    "way": {"rays": 5, "way": 4, "progress": "way", "reference": True, "margin": 1.2},
 }
 DTYPES = {"is_success": bool, "outcome": np.int64, "segments": np.int64}
 # the goal lies straight ahead, so that flights without steering reach it
@@ -125,19 +126,21 @@ def fly_side_by_side(mine: VectorObstacleField, theirs: SyncVectorEnv, steps: in
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("suite", SUITES)
 def test_every_suite_is_flown_as_by_scalar_environments(suite: str, kind: str) -> None:
-    mode = AutoresetMode.SAME_STEP if kind == "rays" else AutoresetMode.NEXT_STEP
+    mode = AutoresetMode.NEXT_STEP if kind == "discs" else AutoresetMode.SAME_STEP
     envs = pair(5, mode, suite=suite, segments=9, **KINDS[kind])
     assert_same_results(*(each.reset(seed=11) for each in envs))
     fly_side_by_side(*envs, steps=150)
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
-@pytest.mark.parametrize(("number", "steps"), [(1, 300), (5, 200), (70, 40)])
+@pytest.mark.parametrize(
+    ("number", "steps", "kind"),
+    [(1, 300, "discs"), (5, 200, "rays"), (6, 100, "way"), (70, 40, "discs")],
+)
 def test_every_mode_is_that_of_scalar_environments(
-    mode: AutoresetMode, number: int, steps: int
+    mode: AutoresetMode, number: int, steps: int, kind: str
 ) -> None:
-    kind = KINDS["rays" if number == 5 else "discs"]
-    envs = pair(number, mode, segments=5, detour=0.3, failure=0.7, gate=2.0, **kind)
+    envs = pair(number, mode, segments=5, detour=0.3, failure=0.7, gate=2.0, **KINDS[kind])
     assert_same_results(*(each.reset(seed=3) for each in envs))
     # once more, through a field whose goal is near: it is reached, too
     assert_same_results(*(each.reset(options={"field": NEAR}) for each in envs))

@@ -100,9 +100,14 @@ def test_any_field_is_flown(kind: str, field: Field, actions: list[np.ndarray]) 
     field=fields(most=20),
     data=st.data(),
     focus=st.sampled_from([0.0, 10.0]),
+    way=st.integers(0, 5),
+    margin=st.sampled_from([0.0, 0.8, 6.0]),
 )
-def test_any_state_is_seen(kind: str, field: Field, data: Any, focus: float) -> None:
-    seen = observe(field, [data.draw(vehicles(field))], Settings(observation=kind, focus=focus))
+def test_any_state_is_seen(
+    kind: str, field: Field, data: Any, focus: float, way: int, margin: float
+) -> None:
+    settings = Settings(observation=kind, focus=focus, way=way, margin=margin)
+    seen = observe(field, [data.draw(vehicles(field))], settings)
     for entry in seen.values():
         assert (np.abs(entry) <= 1.0).all()
 
@@ -168,6 +173,7 @@ ARGUMENTS = st.dictionaries(
         [
             *("suite", "split", "fields", "obstacles", "radii", "gate", "segments", "observation"),
             *("nearest", "focus", "rays", "view", "detour", "failure", "capacity", "wind"),
+            *("way", "margin", "progress", "reference"),
         ]
     ),
     VALUES,
@@ -188,6 +194,10 @@ LIKELY = st.fixed_dictionaries(
         "view": st.floats(1.0, 1000.0),
         "detour": st.floats(0.0, 100.0),
         "capacity": st.integers(0, 200),
+        "way": st.integers(0, 12),
+        "margin": st.floats(0.0, 10.0),
+        "progress": st.sampled_from(["straight", "way"]),
+        "reference": st.booleans(),
     },
 )
 

@@ -1,5 +1,6 @@
 """Learned policies fly the same flights alone and in batches of any size."""
 
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from agents.flights.batched import fly_batch
 from agents.flights.flight import fly
 from agents.flights.metrics import score
 from agents.models.model import Model
+from agents.policies.lookahead import LookaheadPolicy
 from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
@@ -24,6 +26,7 @@ from tests.support.small_models import ALGORITHMS, DISCS, RAYS, learned
 CROWDED = Field(
     name="crowded", obstacles=Discs(np.random.default_rng(0).uniform(20, 90, (130, 2)), [2.0] * 130)
 )
+WAY = {**RAYS, "way": 3, "margin": 2.0, "progress": "way"}
 FIELDS = [*get_fields("sparse/train:0-7"), *get_fields("traps/train:0-1"), CROWDED]
 
 
@@ -32,8 +35,9 @@ def model_of(algorithm: str, environment: dict) -> Model:
     return learned(algorithm, environment).model
 
 
-@pytest.mark.parametrize("environment", [RAYS, DISCS])
-@pytest.mark.parametrize("algorithm", ALGORITHMS)
+@pytest.mark.parametrize(
+    ("algorithm", "environment"), [*product(ALGORITHMS, (RAYS, DISCS)), ("ppo", WAY)]
+)
 def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment: dict) -> None:
     model = model_of(algorithm, environment)
     pilot = NetworkPolicy(model)
@@ -46,6 +50,13 @@ def test_flights_are_the_same_alone_and_in_any_batch(algorithm: str, environment
             assert mine.outcome is theirs.outcome
             assert mine.clearance == theirs.clearance
             assert (mine.length, mine.gap) == (theirs.length, theirs.gap)
+
+
+def test_simulated_rollouts_show_the_way_too() -> None:
+    model = model_of("ppo", WAY)
+    alone = fly(NetworkPolicy(model), FIELDS[0], 0)
+    best = fly(LookaheadPolicy(NetworkPolicy(model), 16), FIELDS[0], 0)
+    assert len(best.control) >= len(alone.control) > 0
 
 
 def test_scores_are_those_of_the_definitions() -> None:

@@ -24,6 +24,7 @@ SETS = (DeepSets, Attention)
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 6}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7}
+WAY: dict[str, Any] = {**BOTH, "way": 3}
 NEAR = 10.0
 """A view [m] that fills some rows of some observations."""
 
@@ -51,7 +52,10 @@ def made(kind: Any, arguments: dict[str, Any]) -> Any:
 
 @pytest.mark.parametrize(
     ("kind", "arguments"),
-    [(Plain, DISCS), (Plain, RAYS), (Plain, BOTH), *((k, a) for k in SETS for a in (DISCS, BOTH))],
+    [
+        *((Plain, arguments) for arguments in (DISCS, RAYS, BOTH, WAY)),
+        *((kind, arguments) for kind in SETS for arguments in (DISCS, BOTH, WAY)),
+    ],
 )
 @pytest.mark.parametrize("spec", ["dense/train:0", "traps/train:1", "none"])
 def test_features_and_gradients_are_finite_and_features_have_the_documented_size(
@@ -141,6 +145,19 @@ def test_a_policy_over_obstacles_refuses_rays_alone(kind: Any) -> None:
 def test_heads_must_share_the_width() -> None:
     with pytest.raises(ValueError, match="width must be a multiple of heads, got 30 and 4"):
         Attention(space_of(DISCS), width=30)
+
+
+def test_points_of_the_way_are_shown_in_multiples_of_their_distance() -> None:
+    net, seen = (
+        made(Plain, {**RAYS, "way": 4}),
+        seen_in(get_field("sparse/train:0"), RAYS, number=2),
+    )
+    ahead = [0.25, 0.0, 0.4, 0.3, 0.0, 0.75, -0.8, 0.6]  # at 1/4, 2/4, 3/4 and 4/4 of the view
+    seen["way"] = torch.tensor([[*ahead, 0.2, 0.05], [*ahead, 1.0, 0.5]])
+    features = net(seen)
+    expected = [1.0, 0.0, 0.8, 0.6, 0.0, 1.0, -0.8, 0.6]
+    np.testing.assert_allclose(features[0, -11:], [*expected, 0.2, 0.05, 0.6], rtol=1e-6)
+    np.testing.assert_allclose(features[1, -11:], [*expected, 1.0, 0.5, 1.0], rtol=1e-6)
 
 
 def test_the_goal_is_shown_on_finer_scales_too() -> None:

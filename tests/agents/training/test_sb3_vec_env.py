@@ -30,6 +30,7 @@ ARGUMENTS: dict[str, Any] = {
 KINDS: dict[str, dict] = {
     "discs": {"observation": "discs", "nearest": 5},
     "rays": {"observation": "rays", "rays": 11},
+    "way": {"rays": 5, "way": 3, "progress": "way", "reference": True},
 }
 NEAR = Field(name="near", obstacles=Discs([], []), goal=[6.5, 6.5])
 

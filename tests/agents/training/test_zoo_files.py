@@ -21,6 +21,7 @@ from agents.training.run import Run
 from agents.training.sb3 import _LEARNERS, card_for
 from ferguson_gym import ENVIRONMENT_ID
 from tests.support.places import ROOT
+from tests.support.small_models import learned
 
 OF_THE_ZOO = {"n_envs", "n_timesteps", "env_kwargs", "noise_type", "noise_std"}
 """Keys that the Zoo takes for itself; the others go to the algorithm."""
@@ -119,6 +120,18 @@ def test_what_is_wrong_in_such_a_file_is_named(
         return
     with pytest.raises(ValueError, match=message):
         read(place, ALGORITHMS["ppo"].keys)
+
+
+def test_a_run_observes_what_the_model_observes_that_it_starts_from(tmp_path: Path) -> None:
+    seen = {"observation": "rays", "rays": 5, "way": 2, "margin": 1.5}
+    place = file_of(
+        tmp_path,
+        f"{ENVIRONMENT_ID}: {{n_timesteps: 1, policy: mlp, "
+        "env_kwargs: {rays: 9, way: 4, margin: 0.1, progress: way}}",
+    )
+    run = Run(algorithm="ppo", directory=tmp_path, hyperparameters=read(place, []))
+    start = learned("ppo", seen)
+    assert card_for(run, start).environment == {**seen, "progress": "way"}
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc"])

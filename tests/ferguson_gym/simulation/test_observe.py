@@ -19,8 +19,9 @@ from ferguson_gym.world.field_names import get_field
         {"observation": "rays"},
         {"observation": "both", "nearest": 3, "rays": 5, "view": 45.0},
         {"nearest": 60, "focus": 9.0, "segments": 9},
+        {"rays": 5, "way": 6, "margin": 2.0, "view": 50.0},
     ],
-    ids=["discs", "rays", "both", "other"],
+    ids=["discs", "rays", "both", "other", "way"],
 )
 def test_observations_from_states_are_those_of_the_environment(
     arguments: dict[str, Any],
@@ -42,14 +43,16 @@ def test_observations_from_states_are_those_of_the_environment(
 
 def test_no_states_give_empty_observations() -> None:
     field = get_field("sparse/train:3")
-    seen = observe(field, [], Settings())
+    seen = observe(field, [], Settings(way=2))
     assert seen["goal"].shape == (0, 3)
+    assert seen["way"].shape == (0, 6)
     (only,) = observe(field, [transition.initial_state(field)], Settings())["goal"]
     assert only[0] > 0.0
 
 
 def test_one_observation_equals_its_row_of_many() -> None:
-    field, settings = get_field("dense/train:3"), Settings(observation="both", nearest=5, rays=9)
+    field = get_field("dense/train:3")
+    settings = Settings(observation="both", nearest=5, rays=9, way=3)
     vehicles = [
         transition.State(np.array([10.0 * k, 3.0 * k]), np.array([7.0, k]), k) for k in range(8)
     ]

@@ -246,6 +246,17 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
         ({"suite": "traps", "capacity": 100}, "up to 117 obstacles, more than capacity=100"),
         ({"capacity": MAX_OBSTACLES + 1}, f"got capacity={MAX_OBSTACLES + 1}"),
         ({"capacity": 60.0}, "capacity must be an integer"),
+        ({"way": -1}, "need way from 0 to 10000 points, got -1"),
+        ({"way": MAX_OBSTACLES + 1}, f"got {MAX_OBSTACLES + 1}"),
+        ({"way": 2.0}, r"way must be an integer, got 2\.0"),
+        ({"way": True}, "way must be an integer, got True"),
+        ({"margin": -0.1}, r"margin lies between 0 and 10 m, got -0\.1"),
+        ({"margin": 10.5}, r"got 10\.5"),
+        ({"margin": np.nan}, "margin lies between .* got nan"),
+        ({"margin": None}, "margin must be a number, got None"),
+        ({"progress": "shortest"}, "measured straight or along the way, got 'shortest'"),
+        ({"progress": None}, "progress must be a name, got None"),
+        ({"reference": 1}, "reference is True or False, got 1"),
     ],
 )
 def test_settings_that_make_no_sense_are_refused(arguments: dict, message: str) -> None:
@@ -257,6 +268,9 @@ def test_settings_on_the_edge_are_taken() -> None:
     for arguments in (
         {"gate": 0, "focus": 30, "detour": 0, "failure": 100},
         {"obstacles": 0, "capacity": 0, "nearest": 1},
+        {"way": np.int64(1), "margin": 0, "progress": "way"},
+        {"way": 40, "margin": 10, "reference": True},
+        {"obstacles": 0, "way": 3},
         {"radii": np.array([7.0, 7.0]), "capacity": 50},
         {"fields": np.int64(3), "segments": np.int32(2), "gate": np.float32(0.5)},
     ):

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-import tracemalloc
 from functools import cache
 from typing import Any
 
@@ -14,7 +13,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import fly_segment
@@ -119,54 +118,6 @@ def test_a_gap_a_little_wider_stays_open_and_one_narrower_is_a_wall(narrowest: f
         plan = planner.plan(field, initial_state(field), 0)
         assert plan.success
         assert crossing(plan.control) == pytest.approx(far, abs=4.0)
-
-
-def margins_by_every_pair(field: Field, margin: float, narrowest: float) -> np.ndarray:
-    """The margins from a table of the gaps between all pairs of discs."""
-    discs = planar_discs(field)
-    apart = np.linalg.norm(discs.centers[:, None] - discs.centers, axis=-1)
-    gaps = apart - discs.radii[:, None] - discs.radii
-    np.fill_diagonal(gaps, np.inf)
-    gaps[gaps < narrowest] = np.inf
-    room = discs.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
-    most = np.minimum(0.45 * gaps.min(axis=1, initial=np.inf), room - 1e-7)
-    return np.clip(most, 0.0, margin)
-
-
-@pytest.mark.parametrize("name", ["paper:2", "dense/train:1", "forest/train:2", "traps/train:0"])
-@pytest.mark.parametrize(("margin", "narrowest"), [(0.8, 0.8), (0.1, 2.0), (5.0, 0.3)])
-def test_margins_are_those_from_every_pair(name: str, margin: float, narrowest: float) -> None:
-    field = get_field(name)
-    expected = margins_by_every_pair(field, margin, narrowest)
-    np.testing.assert_array_equal(surroundings(field, margin, narrowest).margins, expected)
-
-
-def test_among_thousands_of_discs_margins_take_no_table_of_pairs() -> None:
-    stream = np.random.default_rng(0)
-    centers = stream.uniform(1.0, 1999.0, (20_000, 2))
-    many = Discs(centers, stream.uniform(1.0, 3.0, 20_000))
-    free = (many.signed_distance(np.array([[0.0, 0.0], [100.0, 100.0]])) > 1.0).all(axis=0)
-    field = Field(name="many", obstacles=many.only(free), bounds=(-10.0, 2000.0))
-    tracemalloc.start()
-    margins = surroundings(field, 0.8, 0.8).margins
-    _, most = tracemalloc.get_traced_memory()
-    tracemalloc.stop()
-    assert most < 100e6
-    assert 0.0 < margins.min() < 0.8 == margins.max()
-
-
-def test_discs_beside_a_gap_take_a_margin_that_leaves_a_tenth_of_it() -> None:
-    field = at((60.0, 5.0, 4.5), (60.0, -5.0, 4.5), (90.0, 0.0, 4.0))
-    margins = surroundings(field, 0.8, 0.8).margins
-    np.testing.assert_allclose(margins, [0.45, 0.45, 0.8])
-
-
-def test_start_and_goal_stay_outside_of_grown_discs() -> None:
-    field = at((3.0, 2.5, 2.2), (np.sqrt(2) * 100.0, 4.0, 3.9))
-    margins, togo = surroundings(field, 0.8, 0.8)
-    assert margins[1] == pytest.approx(0.1, abs=1e-5)
-    for point in (field.start, field.goal):
-        assert togo.field.obstacles.signed_distance(point).min() >= 0.0
 
 
 def test_where_the_only_gap_is_too_narrow_the_rescue_flies_through() -> None:

@@ -31,6 +31,7 @@ from tests.support.places import ROOT
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 5, "view": 20.0}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7, "focus": 6.0}
+WAY: dict[str, Any] = {"rays": 6, "way": 5}
 
 
 def card(policy: str, environment: dict[str, Any], **kwargs: Any) -> ModelCard:
@@ -43,13 +44,14 @@ def card(policy: str, environment: dict[str, Any], **kwargs: Any) -> ModelCard:
 
 
 CARDS = [
-    *(card("mlp", environment) for environment in (DISCS, RAYS, BOTH)),
+    *(card("mlp", environment) for environment in (DISCS, RAYS, BOTH, WAY)),
     *(card("mlp", RAYS, activation_fn=name) for name in ("elu", "gelu", "relu", "silu", "tanh")),
     card("mlp", RAYS, net_arch={"pi": [], "vf": [8]}),
     card("mlp", RAYS, net_arch={"vf": [8]}),
     card("mlp-mixture", BOTH, components=1),
     card("deepsets", DISCS),
     card("deepsets", BOTH, features_extractor_kwargs={"width": 20}),
+    card("deepsets", {**DISCS, "way": 2}),
     card("deepsets-mixture", BOTH, net_arch={"pi": [33], "vf": []}, activation_fn="silu"),
     ModelCard(algorithm="dagger", policy="deepsets-mixture", policy_kwargs={}, environment=DISCS),
 ]

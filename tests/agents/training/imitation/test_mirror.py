@@ -27,6 +27,7 @@ KINDS: list[dict[str, Any]] = [
     {"observation": "rays", "rays": 64},
     {"observation": "both", "nearest": 16, "focus": 10.0, "rays": 7},
     {"observation": "both", "nearest": 12, "rays": 8, "view": 15.0},
+    {"rays": 9, "way": 5},
 ]
 
 
