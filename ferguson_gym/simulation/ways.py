@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import lru_cache
+from weakref import WeakMethod
 
 import numpy as np
 
@@ -97,17 +98,24 @@ class Ways:
     Args:
         settings: of the environment.
         number: N.
-        field: returns the field in a slot.
+        field: a method that returns the field in a slot, of an object that outlives this one.
     """
 
     def __init__(self, settings: Settings, number: int, field: Callable[[int], Field]) -> None:
-        self._settings, self._field, self._layout = settings, field, settings.layout
+        self._settings, self._layout = settings, settings.layout
+        # a reference to the owner would keep its memory and threads until garbage is collected
+        self._weak_field = WeakMethod(field)
         self._distances = distances_along(self._layout.way, self._layout.max_range)
         self._pool = TreePool()
         self._trees, self._lengths = np.full(0, _UNKNOWN), np.full(0, np.nan)
         # by slot, where the tree of paths with margins does not suffice; those used last come last
         self._others: dict[int, Way] = {}
         self._togo, self._whole = np.zeros(number), np.zeros(number)
+
+    def _field(self, slot: int) -> Field:
+        field = self._weak_field()
+        assert field is not None
+        return field(slot)
 
     def forget(self, first: int, end: int | None = None) -> None:
         """Forget what is known of slots whose fields change, from a first one up to an end."""

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import gc
 import pickle
+import weakref
 from typing import Any
 
 import numpy as np
@@ -225,6 +227,18 @@ def test_trees_of_fields_that_are_flown_once_are_forgotten() -> None:
         env.reset(seed=seed, options={"field": get_field("sparse/train:0")})
         most = max(most, len(env._simulator._ways._pool))
     assert 10 < most < 80
+
+
+def test_environments_are_freed_without_the_garbage_collector() -> None:
+    envs = VectorObstacleField(2, fields=3, **WAY)
+    envs.reset(seed=0)
+    simulator = weakref.ref(envs._simulator)
+    gc.disable()
+    try:
+        del envs
+        assert simulator() is None
+    finally:
+        gc.enable()
 
 
 @pytest.mark.parametrize("mode", AutoresetMode)
