@@ -155,7 +155,9 @@ def _imagination(axes: Axes, flown: Flight) -> None:
 
 def _imagined(model: Model, field: Field, vehicle: flight.State) -> list[Array]:
     """Flights from a state on, as `agents.policies.lookahead` imagines them, as points."""
-    flights = SimulatedRollouts(field, vehicle, TRIES, model.settings)
+    flights = SimulatedRollouts(
+        [field], np.zeros(TRIES, np.int64), [vehicle] * TRIES, model.settings
+    )
     states = [(vehicle.position, vehicle.derivative)] * TRIES
     curves: list[list[Array]] = [[] for _ in range(TRIES)]
     stream = np.random.default_rng(0)

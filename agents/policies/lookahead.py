@@ -100,7 +100,7 @@ def shortest_rollout(
     Returns:
         Its legs; if no rollout succeeds, those of the unperturbed one.
     """
-    flights = SimulatedRollouts(field, vehicle, tries, settings)
+    flights = SimulatedRollouts([field], np.zeros(tries, np.int64), [vehicle] * tries, settings)
     spreads = np.linspace(0.0, SPREAD, tries)[:, None]
     perturbations = np.zeros((tries, 4))
     flown: list[tuple[NDArray[np.int64], Action, Array]] = []

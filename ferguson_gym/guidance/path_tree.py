@@ -257,12 +257,13 @@ def look_ahead(tree: PathTree, points: Array, distances: Array, places: Array, t
     Args:
         tree: of the field.
         points: (m, 2) [m].
-        distances: (n,) along a path, increasing [units of the field].
+        distances: (m, n) along a path, increasing, or (1, n) for all points [units of the field].
         places: (m, n, 2), filled [m]; those beyond the goal are on it.
         togo: (m,), filled [m]; infinite where there is no path, and places mean nothing then.
     """
     for i in range(len(points)):
-        togo[i] = _look(tree, points[i, 0], points[i, 1], distances, places[i])
+        along = distances[i % len(distances)]
+        togo[i] = _look(tree, points[i, 0], points[i, 1], along, places[i])
 
 
 class Forest(NamedTuple):
@@ -300,4 +301,5 @@ def look_ahead_each(
             forest.numbers[least:frame].reshape(2, n),
             forest.nodes[node : node + until],
         )
-        togo[i] = _look(tree, points[i, 0], points[i, 1], distances, places[i])
+        along = distances[i % len(distances)]
+        togo[i] = _look(tree, points[i, 0], points[i, 1], along, places[i])

@@ -62,9 +62,10 @@ class TreePool:
         Args:
             which: (m,) numbers of trees; the distance is infinite for those below zero.
             points: (m, 2) [m], each among the discs of its tree.
-            distances: (n,) along the way at which points are shown [units of the field].
+            distances: (m, n) along the way at which points are shown, or (1, n) for all of them,
+                increasing in each row [units of the field].
         """
-        places, togo = np.empty((len(points), len(distances), 2)), np.empty(len(points))
+        places, togo = np.empty((len(points), distances.shape[1], 2)), np.empty(len(points))
         look_ahead_each(self._forest, which, points, distances, places, togo)
         return places, togo
 

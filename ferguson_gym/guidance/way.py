@@ -32,44 +32,55 @@ class Way:
     Args:
         field: of discs in the plane.
         margin: kept from discs where there is room [units of the field].
-        distances: (n,) along the way at which points are shown, increasing [units of the field].
 
     Raises:
         TypeError: obstacles other than discs.
-        ValueError: a field that is not planar; distances that are not finite.
+        ValueError: a field that is not planar.
     """
 
-    def __init__(self, field: Field, margin: float, distances: ArrayLike) -> None:
+    def __init__(self, field: Field, margin: float) -> None:
         self._field = field
-        self._distances = finite("distances", distances, (None,))
         self._kept = _paths(with_margin(field, margin))
         self._exact: _Paths | None = None
 
-    def ahead(self, points: Array) -> tuple[Array, Array]:
+    def ahead(self, points: ArrayLike, distances: ArrayLike) -> tuple[Array, Array]:
         """Points ahead (m, n, 2) [m] and distances to go (m,) [m] from points (m, 2) [m].
 
         Points ahead stay on the goal once they have reached it. Without a way the distance is
         infinite, and all points ahead are the point itself.
+
+        Args:
+            points: (m, 2) [m].
+            distances: (m, n) along the way, or (1, n) for all points, increasing in each row
+                [units of the field].
+
+        Raises:
+            ValueError: arrays of another shape, NaN or infinity.
         """
-        points = np.ascontiguousarray(points)
-        places, togo = self._along(self._kept, points)
+        points = np.ascontiguousarray(finite("points", points, (None, 2)))
+        distances = np.ascontiguousarray(finite("distances", distances, (None, None)))
+        if len(distances) not in (1, len(points)):
+            raise ValueError(f"need 1 or {len(points)} rows of distances, got {len(distances)}")
+        places, togo = self._along(self._kept, points, distances)
         if (none := np.isinf(togo)).any():
             if self._exact is None:
                 self._exact = _paths(DistanceToGoal(self._field))
-            there, left = self._along(self._exact, points[none])
+            rows = distances[none] if len(distances) > 1 else distances
+            there, left = self._along(self._exact, points[none], rows)
             there[np.isinf(left)] = points[none][np.isinf(left), None]
             places[none], togo[none] = there, left
         return places, togo
 
-    def _along(self, paths: _Paths, points: Array) -> tuple[Array, Array]:
+    def _along(self, paths: _Paths, points: Array, distances: Array) -> tuple[Array, Array]:
         """As `ahead`, on given paths; where there is none the points ahead mean nothing."""
-        places, togo = np.empty((len(points), len(self._distances), 2)), np.empty(len(points))
+        places, togo = np.empty((len(points), distances.shape[1], 2)), np.empty(len(points))
         if paths.tree is not None:
-            look_ahead(paths.tree, points, self._distances, places, togo)
+            look_ahead(paths.tree, points, distances, places, togo)
             return places, togo
         discs, unit = planar_discs(paths.togo.field), self._field.limits.unit
-        columns, shown = np.ascontiguousarray(discs.centers.T), unit * self._distances
+        columns = np.ascontiguousarray(discs.centers.T)
         for i, point in enumerate(points):
+            shown = unit * distances[i % len(distances)]
             x, y, found = outside(point[0], point[1], columns, discs.radii, OUTSIDE * unit)
             path = paths.togo.path((x, y)) if found else None
             if path is None:

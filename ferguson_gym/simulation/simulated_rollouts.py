@@ -1,4 +1,4 @@
-"""Simulated rollouts: flights of one field from a common state, stepped as the environment does.
+"""Simulated rollouts: flights from any states, stepped as the environment does.
 
 The compiled step is the environment's own (`ferguson_gym.simulation.step_kernel`), so that what a
 rollout predicts is what the environment does.
@@ -6,8 +6,10 @@ rollout predicts is what the environment does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import new_counters
@@ -15,23 +17,29 @@ from ferguson_gym.simulation import step_kernel
 from ferguson_gym.simulation.field_store import FieldArrays, FieldStore
 from ferguson_gym.simulation.observations import Observation, entries_of
 from ferguson_gym.simulation.settings import Settings
-from ferguson_gym.simulation.step_buffers import DISABLED, StepBuffers, as_plain_tuple, make_buffers
-from ferguson_gym.simulation.ways import observe_way
+from ferguson_gym.simulation.step_buffers import (
+    DISABLED,
+    StepBuffers,
+    as_plain_tuple,
+    make_buffers,
+)
+from ferguson_gym.simulation.ways import Ways
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 
 _FLYING, _ARRIVED = Outcome.FLYING.code, Outcome.GOAL_REACHED.code
+_NOT_REFUSED = (_FLYING, _ARRIVED, Outcome.OUT_OF_SEGMENTS.code)
 
 
 class SimulatedRollouts:
     """Rollouts numbered from 0 on, of which only the active ones are stepped.
 
     Args:
-        field: in which they fly.
-        vehicle: the state in which they start.
-        number: how many.
+        fields: in which they fly.
+        which: (n,) number of the field of each rollout.
+        vehicles: (n,) states in which they start.
         settings: of observations and limits.
 
     Raises:
@@ -39,27 +47,63 @@ class SimulatedRollouts:
         ValueError: a field that is not planar.
     """
 
-    def __init__(self, field: Field, vehicle: State, number: int, settings: Settings) -> None:
-        store = FieldStore(1, len(planar_discs(field)))
-        store.put(0, field)
+    def __init__(
+        self,
+        fields: Sequence[Field],
+        which: ArrayLike,
+        vehicles: Sequence[State],
+        settings: Settings,
+    ) -> None:
+        store = FieldStore(len(fields), max(len(planar_discs(field)) for field in fields))
+        for slot, field in enumerate(fields):
+            store.put(slot, field)
+        self._fields = fields
         self._settings, self._sizes = settings, settings.layout.entries()
-        self._field, self._segments = field, field.limits.segments
-        self._buffers = self._made(number, store.arrays)
+        self._segments = max(field.limits.segments for field in fields)
+        self._buffers = self._made(settings, len(vehicles), store.arrays)
         flights = self._buffers.flights
-        flights["gate"] = field.limits.gate if settings.gate is None else settings.gate
-        flights["most"] = settings.segments or field.limits.segments
+        flights["slot"] = which
+        own = store.arrays.records[flights["slot"]]
+        flights["gate"] = own["gate"] if settings.gate is None else settings.gate
+        flights["most"] = settings.segments or own["segments"]
         flights["detour"], flights["failure"] = settings.detour, settings.failure
-        flights["position"], flights["derivative"] = vehicle.position, vehicle.derivative
-        flights["segments"], flights["outcome"] = vehicle.segments, _FLYING
-        flights["clearance"] = np.inf
+        flights["position"] = [vehicle.position for vehicle in vehicles]
+        flights["derivative"] = [vehicle.derivative for vehicle in vehicles]
+        flights["segments"] = [vehicle.segments for vehicle in vehicles]
+        flights["outcome"], flights["clearance"] = _FLYING, np.inf
         self._counters = new_counters()
-        self.active: NDArray[np.int64] = np.arange(number)
+        self.ways = Ways(settings, len(vehicles), self._field_in)
+        """The ways of the fields."""
+        self.active: NDArray[np.int64] = np.arange(len(vehicles))
         """Numbers (n,) of the active rollouts."""
-        step_kernel.reset(as_plain_tuple(self._buffers), np.zeros(number, np.bool_))
-        self._show_ways()
+        self._observe(self._buffers)
 
-    def _made(self, number: int, fields: FieldArrays) -> StepBuffers:
-        return make_buffers(self._settings, number, fields, DISABLED, longest=self._segments)
+    def _field_in(self, slot: int) -> Field:
+        return self._fields[slot]
+
+    def _made(self, settings: Settings, number: int, fields: FieldArrays) -> StepBuffers:
+        return make_buffers(settings, number, fields, DISABLED, longest=self._segments)
+
+    def _observe(self, buffers: StepBuffers) -> None:
+        step_kernel.reset(as_plain_tuple(buffers), np.zeros(len(buffers.flights), np.bool_))
+        self._show(buffers)
+
+    def _show(self, buffers: StepBuffers) -> None:
+        if buffers.layout.way:
+            everyone = np.arange(len(buffers.flights))
+            self.ways.write(buffers.observations, buffers, buffers.flights, everyone)
+
+    @property
+    def buffers(self) -> StepBuffers:
+        """What a step of the active rollouts reads and writes."""
+        return self._buffers
+
+    def observed(self, settings: Settings) -> Observation:
+        """Observations (n, size) of the active rollouts in other settings without a way."""
+        buffers = self._made(settings, len(self.active), self._buffers.fields)
+        buffers.flights[:] = self._buffers.flights
+        self._observe(buffers)
+        return entries_of(buffers.observations, settings.layout.entries(), len(self.active))
 
     @property
     def observations(self) -> Observation:
@@ -93,15 +137,26 @@ class SimulatedRollouts:
         self._buffers.actions[:] = actions
         buffers = as_plain_tuple(self._buffers)
         step_kernel.advance(buffers, self._counters, step_kernel.FROM_FRONT, 0)
-        self._show_ways()
+        self._show(self._buffers)
 
-    def _show_ways(self) -> None:
-        if (layout := self._buffers.layout).way:
-            flights = self._buffers.flights
-            positions = np.ascontiguousarray(flights["position"])
-            derivatives = np.ascontiguousarray(flights["derivative"])
-            rows = observe_way(self._field, positions, derivatives, self._settings, layout)
-            self.observations["way"][:] = rows
+    def step_or(self, actions: Action, others: Action) -> NDArray[np.bool_]:
+        """Fly one action each, and another one where the first is refused.
+
+        Args:
+            actions: (n, 4) in [-1, 1].
+            others: (n, 4) in [-1, 1].
+
+        Returns:
+            Which actions were refused (n,).
+        """
+        flights = self._buffers.flights
+        before = flights.copy()
+        self.step(actions)
+        refused: NDArray[np.bool_] = ~np.isin(flights["outcome"], _NOT_REFUSED)
+        if refused.any():
+            flights[:] = before
+            self.step(np.where(refused[:, None], others, actions))
+        return refused
 
     def keep(self, chosen: NDArray[np.bool_]) -> None:
         """Let only the chosen (n,) of the active rollouts stay active."""
@@ -109,7 +164,7 @@ class SimulatedRollouts:
             return
         old, observations = self._buffers, self.observations
         self.active = self.active[chosen]
-        new = self._made(len(self.active), old.fields)
+        new = self._made(self._settings, len(self.active), old.fields)
         new.flights[:] = old.flights[chosen]
         for key, values in entries_of(new.observations, self._sizes, len(self.active)).items():
             values[:] = observations[key][chosen]

@@ -34,9 +34,9 @@ _UNUSED = 64
 GOAL_REACHED = Outcome.GOAL_REACHED.code
 
 
-def distances_along(number: int, view: float) -> Array:
-    """Distances (number,) along the way at which its points are shown [units of the field]."""
-    return view * np.arange(1, number + 1) / max(number, 1)
+def distances_along(layout: Layout) -> Array:
+    """Distances (1, n) along the way at which its points are shown [units of the field]."""
+    return layout.max_range * np.arange(1, layout.way + 1)[None] / max(layout.way, 1)
 
 
 @compiled
@@ -75,8 +75,8 @@ def write_rows(
 
 
 @lru_cache(maxsize=2)
-def _way(field: Field, margin: float, number: int, view: float) -> Way:
-    return Way(field, margin, distances_along(number, view))
+def _way(field: Field, margin: float) -> Way:
+    return Way(field, margin)
 
 
 def observe_way(
@@ -84,8 +84,7 @@ def observe_way(
 ) -> FlatObservation:
     """Entries `way` (m, 2 n + 2) of vehicles in one field at positions (m, 2) with derivatives."""
     rows = np.empty((len(positions), 2 * layout.way + 2), np.float32)
-    way = _way(field, float(settings.margin), layout.way, layout.max_range)
-    places, togo = way.ahead(positions)
+    places, togo = _way(field, float(settings.margin)).ahead(positions, distances_along(layout))
     view = np.full(len(rows), layout.max_range * field.limits.unit)
     bounds = np.repeat(field.bounds[None], len(rows), axis=0)
     write_rows(rows, places, togo, positions, derivatives, view, bounds)
@@ -105,7 +104,7 @@ class Ways:
         self._settings, self._layout = settings, settings.layout
         # a reference to the owner would keep its memory and threads until garbage is collected
         self._weak_field = WeakMethod(field)
-        self._distances = distances_along(self._layout.way, self._layout.max_range)
+        self._distances = distances_along(self._layout)
         self._pool = TreePool()
         self._trees, self._lengths = np.full(0, _UNKNOWN), np.full(0, np.nan)
         # by slot, where the tree of paths with margins does not suffice; those used last come last
@@ -128,7 +127,8 @@ class Ways:
         self._show(buffers)
         if self._settings.progress == WAY:
             slots = buffers.flights["slot"]
-            self._whole = self._ahead(slots, buffers.fields.records["start"][slots])[1]
+            starts = buffers.fields.records["start"][slots]
+            self._whole = self.ahead(slots, starts, self._distances)[1]
 
     def step(self, before: Records, buffers: StepBuffers) -> None:
         """Write what all vehicles are shown after a step, and rewards along the way.
@@ -144,7 +144,7 @@ class Ways:
         if buffers.mode == SAME_STEP and len(ended):
             after, new = after.copy(), new.copy()
             after[ended] = _last(before[ended], buffers, ended)
-            new[ended] = self._write(buffers.final_observations, buffers, after[ended], ended)
+            new[ended] = self.write(buffers.final_observations, buffers, after[ended], ended)
             if self._settings.reference:
                 buffers.final_reports["shortest"] = 0.0
                 buffers.final_reports["shortest"][ended] = self._shortest(before["slot"][ended])
@@ -156,11 +156,11 @@ class Ways:
 
     def _show(self, buffers: StepBuffers) -> None:
         everyone = np.arange(len(buffers.flights))
-        self._togo = self._write(buffers.observations, buffers, buffers.flights, everyone)
+        self._togo = self.write(buffers.observations, buffers, buffers.flights, everyone)
         if self._settings.reference:
             buffers.reports["shortest"] = self._shortest(buffers.flights["slot"])
 
-    def _write(
+    def write(
         self, observations: FlatObservation, buffers: StepBuffers, flights: Records, which: Integers
     ) -> Array:
         """Write ways of vehicles (m,) in states of FLIGHT (m,); returns distances to go (m,)."""
@@ -168,7 +168,7 @@ class Ways:
             return np.zeros(len(flights))
         records, slots = buffers.fields.records, flights["slot"]
         positions = np.ascontiguousarray(flights["position"])
-        places, togo = self._ahead(slots, positions)
+        places, togo = self.ahead(slots, positions, self._distances)
         if self._layout.way:
             rows = np.empty((len(slots), 2 * self._layout.way + 2), np.float32)
             unit, bounds = records["longest"][slots] / PAPER_LONGEST, records["bounds"][slots]
@@ -179,17 +179,19 @@ class Ways:
             observations[len(observations) - size :].reshape(-1, rows.shape[1])[which] = rows
         return togo
 
-    def _ahead(self, slots: Integers, points: Array) -> tuple[Array, Array]:
-        """Points ahead (m, n, 2) and distances to go (m,) of vehicles in slots (m,)."""
+    def ahead(self, slots: Integers, points: Array, distances: Array) -> tuple[Array, Array]:
+        """Points ahead (m, n, 2) and distances to go (m,) in slots (m,), as `Way.ahead`."""
         self._make_room(slots)
         if (self._trees[slots] == _UNKNOWN).any():
             self._forget_unused()
             for slot in np.unique(slots[self._trees[slots] == _UNKNOWN]).tolist():
                 tree = tree_of(with_margin(self._field(slot), self._settings.margin))
                 self._trees[slot] = _NONE if tree is None else self._pool.add(tree)
-        places, togo = self._pool.look_ahead(self._trees[slots], points, self._distances)
+        places, togo = self._pool.look_ahead(self._trees[slots], points, distances)
         for i in np.flatnonzero(np.isinf(togo)).tolist():
-            places[i : i + 1], togo[i : i + 1] = self._other(int(slots[i])).ahead(points[i : i + 1])
+            row = distances[i : i + 1] if len(distances) > 1 else distances
+            shown = self._other(int(slots[i])).ahead(points[i : i + 1], row)
+            places[i : i + 1], togo[i : i + 1] = shown
         return places, togo
 
     def _forget_unused(self) -> None:
@@ -207,7 +209,7 @@ class Ways:
         """The way in a slot's field by other means than its tree of paths with margins."""
         way = self._others.pop(slot, None)
         if way is None:
-            way = Way(self._field(slot), self._settings.margin, self._distances)
+            way = Way(self._field(slot), self._settings.margin)
             if len(self._others) >= 2 * len(self._togo):
                 del self._others[next(iter(self._others))]
         self._others[slot] = way

@@ -229,3 +229,32 @@ def encode(segment: ArrayLike, position: Array, derivative: Array, unit: float =
         )
     single: Action = np.clip(action, -1.0, 1.0).astype(np.float32)
     return single
+
+
+def encode_ends(
+    ends: Array, slopes: Array, derivatives: Array, units: Array
+) -> tuple[Action, NDArray[np.bool_]]:
+    """As `encode`, for many segments from vehicles in the origin.
+
+    Args:
+        ends: (m, 2) end points, from the vehicles' positions [m].
+        slopes: (m, 2) end derivatives [m per unit t].
+        derivatives: (m, 2) of the vehicles [m per unit t].
+        units: (m,) of the fields' limits [m].
+
+    Returns:
+        Actions (m, 4), and which of them reach their segments' ends (m,).
+    """
+    turns = np.array([heading(along, across).conjugate() for along, across in derivatives])
+    steps = (ends[:, 0] + 1j * ends[:, 1]) * turns / (units * REACH)
+    inside = np.abs(steps) < 1.0 / SHARE
+    there = _unshifted(np.where(inside, steps, 0.0), SHARE)
+    point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)
+    arrivals = np.array([_arrival(end_point(float(x), float(y))) for x, y in point.T])
+    turned = (slopes[:, 0] + 1j * slopes[:, 1]) * turns * arrivals.conj() / (units * SPREAD)
+    along, across = np.arcsinh([turned.real, turned.imag]) / FINENESS
+    inside &= np.abs(along) < 1.0 / OFFSET
+    along = _unshifted(np.where(inside, along, 0.0), OFFSET)
+    actions = np.stack([there.real, there.imag, along, across], axis=1)
+    inside &= np.abs(actions).max(axis=1) <= 1.0 + 1e-9
+    return np.clip(actions, -1.0, 1.0).astype(np.float32), inside

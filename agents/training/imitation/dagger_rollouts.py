@@ -7,29 +7,35 @@ Reference:
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 from stable_baselines3.common.policies import BasePolicy
 from torch import Tensor
 
 from agents.models import torch_model
 from agents.models.model_card import ModelCard, parse_card
 from agents.models.torch_model import TorchModel
-from agents.training.imitation.dataset import COLUMNS, labelled_row
+from agents.training.imitation import way_expert
+from agents.training.imitation.dataset import COLUMNS, Columns, observed
+from agents.training.imitation.options import WAY_EXPERT
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import distance_to_go
 from ferguson_gym.simulation.observations import Observation
-from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import settings_of
-from ferguson_gym.world import Field, Outcome, advance, encode, initial_state
+from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
+from ferguson_gym.world import Field, encode, initial_state
 from ferguson_gym.world import State as VehicleState
 from ferguson_gym.world.actions import Action
 from planners.interface import Replanner, State
 from planners.registry import make
+
+Expert: TypeAlias = Callable[[SimulatedRollouts], tuple[Action, NDArray[np.bool_]]]
+"""Actions (n, 4) for the active rollouts, and for which of them it has one (n,)."""
 
 _HEADING_STD = 0.7
 """Standard deviation [rad] of a random state's heading around that of the shortest path."""
@@ -37,6 +43,8 @@ _SPEED_MEDIAN, _SPEED_STD = 7.0, 0.2
 """Median of a random state's speed [m per unit t], and standard deviation of its logarithm."""
 _NEAR = 3
 """States marked as near a refused segment: the one where it was refused, and the two before."""
+_NOISE = 0.03
+"""Standard deviation of the perturbations of an expert's action that is flown."""
 _STRIDE = 7.0
 """Length of the segments that a random state is assumed to have flown [m]."""
 
@@ -58,6 +66,9 @@ class RolloutRequest:
     """Seed of the random numbers."""
     scattered: float
     """Share of the rollouts that start at a random state."""
+    follows: bool = False
+    """Whether the expert's actions are flown, a little perturbed, since the learner knows nothing
+    yet."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,6 +77,8 @@ class Rollouts:
 
     rows: Array
     """(n, COLUMNS) states with the expert's actions; those of one field are adjacent."""
+    columns: Columns
+    """What samples hold of these states, as `agents.training.imitation.dataset.observed` says."""
     steps: int
     """States visited."""
     refused: int
@@ -78,38 +91,61 @@ def collect(request: RolloutRequest) -> Rollouts:
     policy.load_state_dict(request.weights)
     network = TorchModel(policy, request.card).model.network
     with network.session():
-        return _collect(request, lambda seen: network.act({k: v[None] for k, v in seen.items()})[0])
+        return _collect(request, network.act)
 
 
 def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> Rollouts:
-    planner, settings = _expert(request.expert), settings_of(request.environment)
-    stream = np.random.default_rng(request.stream)
-    rows: list[list[float]] = []
-    steps = refused = 0
-    for seed in request.seeds:
-        field = settings.field(seed)
-        scattered = stream.random() < request.scattered
-        vehicle = random_state(field, stream) if scattered else initial_state(field)
-        own: list[list[float]] = []
-        outcome = Outcome.FLYING
-        while outcome is Outcome.FLYING:
-            label: Action | None = None
-            chain = planner.decide(field, State(vehicle), 0).chain
-            if chain is not None:
-                unit = field.limits.unit
-                label = encode(chain[0], vehicle.position, vehicle.derivative, unit)
-                own.append(labelled_row(seed, vehicle, label))
-            step = advance(field, vehicle, act(observe_one(field, vehicle, settings)))
-            steps += 1
-            if not step.flown:
-                refused += 1
-                for row in own[-_NEAR:]:
-                    row[-1] = 1.0
-                if label is not None:
-                    step = advance(field, vehicle, label)
-            vehicle, outcome = step.state, step.outcome
-        rows += own
-    return Rollouts(rows=np.array(rows).reshape(-1, COLUMNS), steps=steps, refused=refused)
+    settings, stream = settings_of(request.environment), np.random.default_rng(request.stream)
+    seeds = np.array(request.seeds)
+    fields = [settings.field(seed) for seed in request.seeds]
+    scattered = stream.random(len(fields)) < request.scattered
+    if not fields:
+        return Rollouts(rows=np.empty((0, COLUMNS)), columns={}, steps=0, refused=0)
+    vehicles = [
+        random_state(field, stream) if anywhere else initial_state(field)
+        for field, anywhere in zip(fields, scattered.tolist(), strict=True)
+    ]
+    flights = SimulatedRollouts(fields, np.arange(len(fields)), vehicles, settings)
+    label = _expert(request.expert, fields)
+    rows: list[Array] = []
+    columns: list[Columns] = []
+    steps = refusals = 0
+    while len(flights.active):
+        labels, known = label(flights)
+        actions = act(flights.observations)
+        if request.follows:
+            noise = _NOISE * stream.normal(size=labels.shape)
+            perturbed = np.clip(labels + noise, -1.0, 1.0).astype(np.float32)
+            actions = np.where(known[:, None], perturbed, actions)
+        before = flights.buffers.flights.copy()
+        own = observed(flights, labels)
+        number, active = len(before), flights.active
+        refused = flights.step_or(actions, np.where(known[:, None], labels, actions))
+        steps, refusals = steps + number, refusals + int(refused.sum())
+        states = (before[key].reshape(number, -1) for key in ("position", "derivative", "segments"))
+        row = np.hstack([seeds[active][:, None], *states, labels, refused[:, None]])
+        rows.append(row[known])
+        columns.append({key: value[known] for key, value in own.items()})
+        flights.keep(flights.flying)
+    return _in_order(rows, columns, steps, refusals)
+
+
+def _in_order(
+    rows: Sequence[Array], columns: Sequence[Columns], steps: int, refused: int
+) -> Rollouts:
+    """Rollouts from the rows of each step: flight after flight, states near refusals marked."""
+    together = np.concatenate(rows)
+    order = np.argsort(together[:, 0], kind="stable")
+    together = together[order]
+    for place in np.flatnonzero(together[:, -1]):
+        near = together[max(0, place + 1 - _NEAR) : place + 1]
+        near[near[:, 0] == together[place, 0], -1] = 1.0
+    return Rollouts(
+        rows=together,
+        columns={key: np.concatenate([one[key] for one in columns])[order] for key in columns[0]},
+        steps=steps,
+        refused=refused,
+    )
 
 
 def random_state(field: Field, stream: np.random.Generator) -> VehicleState:
@@ -132,8 +168,33 @@ def _policy(card: str) -> BasePolicy:
     return torch_model.build(parse_card(card))
 
 
+def _expert(name: str, fields: Sequence[Field]) -> Expert:
+    """The expert of this name for rollouts through some fields."""
+    if name == WAY_EXPERT:
+        return way_expert.label
+    planner = _planner(name)
+
+    def label(flights: SimulatedRollouts) -> tuple[Action, NDArray[np.bool_]]:
+        states = flights.buffers.flights
+        actions, known = np.zeros((len(states), 4), np.float32), np.zeros(len(states), np.bool_)
+        for i, one in enumerate(states):
+            field, vehicle = (
+                fields[one["slot"]],
+                VehicleState(
+                    one["position"].copy(), one["derivative"].copy(), int(one["segments"])
+                ),
+            )
+            chain = planner.decide(field, State(vehicle), 0).chain
+            if chain is not None:
+                unit, known[i] = field.limits.unit, True
+                actions[i] = encode(chain[0], vehicle.position, vehicle.derivative, unit)
+        return actions, known
+
+    return label
+
+
 @lru_cache(maxsize=1)
-def _expert(name: str) -> Replanner:
+def _planner(name: str) -> Replanner:
     planner = make(name)
     assert isinstance(planner, Replanner)
     return planner

@@ -50,7 +50,7 @@ class DataAggregation:
             ValueError: a flight ends before its actions do, or there are no flights.
         """
         for number, (field, rows) in enumerate(labelled_rows(demos)):
-            self.dataset.add(rows, {number: field}.__getitem__)
+            self.dataset.add_states(rows, {number: field}.__getitem__)
         if not len(self.dataset):
             raise ValueError(f"--demos {self._run.demos} holds no flights to learn from")
 
@@ -62,7 +62,7 @@ class DataAggregation:
         """
         for number in range(rounds):
             rows = np.load(self._directory / _ROWS.format(number), allow_pickle=False)
-            self.dataset.add(rows, self._field)
+            self.dataset.add_states(rows, self._field)
         self.rounds = rounds
 
     def rollouts(
@@ -84,6 +84,7 @@ class DataAggregation:
                 seeds=seeds,
                 stream=(self._run.seed, self.rounds, share),
                 scattered=self._options.scattered,
+                follows=self.rounds == 0,
             )
             for share, seeds in enumerate(self._seeds(multiple))
         ]
@@ -115,6 +116,7 @@ class DataAggregation:
         rows = np.concatenate([result.rows for result in results])
         with atomic_write(self._directory / _ROWS.format(self.rounds)) as temporary:
             np.save(temporary, rows)
-        self.dataset.add(rows, self._field)
+        for result in results:
+            self.dataset.add(result.rows, result.columns)
         self.rounds += 1
         return sum(one.steps for one in results), sum(one.refused for one in results)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import torch
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation import Settings, observe
-from ferguson_gym.world import Field, State
+from ferguson_gym.simulation import Observation, Settings, SimulatedRollouts, observe
+from ferguson_gym.world import Action, Field, State
 
 COLUMNS = 11
 """Columns of a row: seed of the field (or another number that stands for it), position and
@@ -38,6 +38,27 @@ class ImitationSample(NamedTuple):
     """(n, K) 1 for a disc, 0 for padding."""
 
 
+Columns: TypeAlias = dict[str, NDArray[np.float32]]
+"""What samples hold of n states, by name (n, size): entries of observations, and `_actions`,
+`_discs` and `_present`."""
+
+
+def observed(rollouts: SimulatedRollouts, actions: Action) -> Columns:
+    """What samples hold of the states of active rollouts, with an expert's actions (n, 4)."""
+    seen = {key: value.copy() for key, value in rollouts.observations.items()}
+    return _columns(seen, rollouts.observed(_AROUND), actions)
+
+
+def _columns(seen: Observation, around: Observation, actions: Action) -> Columns:
+    discs = around["obstacles"].reshape(len(actions), -1, 4)[:, :, :3]
+    return {
+        **seen,
+        "_discs": _AROUND.view * discs.reshape(len(actions), -1),
+        "_present": around["mask"].copy(),
+        "_actions": actions,
+    }
+
+
 def labelled_row(seed: int, vehicle: State, action: NDArray[np.float32]) -> list[float]:
     """A state and the expert's action as a row of `COLUMNS` numbers, not near a refusal."""
     return [seed, *vehicle.position, *vehicle.derivative, vehicle.segments, *action, 0.0]
@@ -48,35 +69,44 @@ class ImitationDataset:
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
-        self._columns: dict[str, NDArray[np.float32]] = {}
+        self._columns: Columns = {}
         self._size = 0
         self._hard = np.empty(0, np.int64)
 
     def __len__(self) -> int:
         return self._size
 
-    def add(self, rows: Array, field_of: Callable[[int], Field]) -> None:
+    def add(self, rows: Array, columns: Columns) -> None:
+        """Add samples.
+
+        Args:
+            rows: (n, COLUMNS) as `labelled_row` makes them.
+            columns: what samples hold of these rows.
+        """
+        if not len(rows):
+            return
+        hard = self._size + np.flatnonzero(rows[:, 10] > 0.0)
+        self._hard = np.concatenate([self._hard, hard])[-RECENT:]
+        self._append(columns)
+
+    def add_states(self, rows: Array, field_of: Callable[[int], Field]) -> None:
         """Observe the states of rows and add them.
 
         Args:
             rows: (n, COLUMNS) as `labelled_row` makes them; those of one field are adjacent.
             field_of: returns the field of a seed.
         """
-        hard = self._size + np.flatnonzero(rows[:, 10] > 0.0)
-        self._hard = np.concatenate([self._hard, hard])[-RECENT:]
         cuts = np.flatnonzero(np.diff(rows[:, 0])) + 1
         for part in np.split(rows, cuts) if len(rows) else []:
             field = field_of(int(part[0, 0]))
             vehicles = [State(row[1:3], row[3:5], int(row[5])) for row in part]
-            around = observe(field, vehicles, _AROUND)
-            discs = around["obstacles"].reshape(len(part), -1, 4)[:, :, :3]
-            columns = dict(observe(field, vehicles, self._settings))
-            columns["_discs"] = _AROUND.view * discs.reshape(len(part), -1)
-            columns["_present"] = around["mask"]
-            columns["_actions"] = part[:, 6:10].astype(np.float32)
-            self._append(columns)
+            seen = observe(field, vehicles, self._settings)
+            self.add(
+                part,
+                _columns(seen, observe(field, vehicles, _AROUND), part[:, 6:10].astype(np.float32)),
+            )
 
-    def _append(self, columns: dict[str, NDArray[np.float32]]) -> None:
+    def _append(self, columns: Columns) -> None:
         number = len(columns["_actions"])
         if not self._columns:
             self._columns = {

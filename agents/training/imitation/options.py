@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from agents.training.hyperparameters import slope
 
+WAY_EXPERT = "way"
+"""Name of the expert that flies along the way which observations show."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImitationOptions:
@@ -19,7 +22,8 @@ class ImitationOptions:
     """
 
     expert: str = "pursuit"
-    """Planner that labels states with actions; it must decide step by step."""
+    """Planner that labels states with actions; it must decide step by step. Or `way`: segments of
+    7 m along the way that observations show, for many states at once."""
     scattered: float = 0.3
     """Share of rollouts that start at a random state instead of the start of their field."""
     first: int = 10

@@ -33,7 +33,7 @@ from agents.training.hyperparameters import slope
 from agents.training.imitation.behavior_cloning import BehaviorCloning
 from agents.training.imitation.dagger_rollouts import Rollouts
 from agents.training.imitation.data_aggregation import SHARES, DataAggregation
-from agents.training.imitation.options import ImitationOptions
+from agents.training.imitation.options import WAY_EXPERT, ImitationOptions
 from agents.training.learning_curve import TrainingRecord
 from agents.training.progress import TrainingProgress, show_progress, write_progress
 from agents.training.run import Run
@@ -225,7 +225,7 @@ def _options(run: Run) -> ImitationOptions:
     if run.seed > _MOST_SEED:
         raise ValueError(f"{run.algorithm} takes seeds up to {_MOST_SEED}, got {run.seed}")
     options = ImitationOptions(**run.hyperparameters.learner)
-    if not isinstance(make(str(options.expert)), Replanner):
+    if options.expert != WAY_EXPERT and not isinstance(make(str(options.expert)), Replanner):
         raise ValueError(
             f"expert {options.expert!r} plans its whole path at once; one that decides step by "
             "step can be asked anywhere: pursuit or guided, for example"

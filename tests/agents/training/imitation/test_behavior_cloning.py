@@ -39,7 +39,7 @@ def dataset() -> ImitationDataset:
             vehicle = state.vehicle
             action = encode(control, vehicle.position, vehicle.derivative)
             rows.append(labelled_row(int(field.name.partition(":")[2]), vehicle, action))
-        known.add(np.array(rows), lambda seed: get_field(f"dense/train:{seed}"))
+        known.add_states(np.array(rows), lambda seed: get_field(f"dense/train:{seed}"))
     return known
 
 

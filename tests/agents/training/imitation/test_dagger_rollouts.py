@@ -152,7 +152,7 @@ class _Lost:
 def test_without_a_label_there_is_no_row_and_a_refused_segment_ends_the_flight(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("agents.training.imitation.dagger_rollouts._expert", lambda name: _Lost())
+    monkeypatch.setattr("agents.training.imitation.dagger_rollouts._planner", lambda name: _Lost())
     found = collect(request(scattered=0.0))
     assert found.rows.shape == (0, COLUMNS)
     assert found.steps >= len(SEEDS)

@@ -63,7 +63,7 @@ def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None
     assert len(known) == 0
     parts = [rows_of([0, 0, 2, 1, 1, 1], stream), rows_of([3, 0, 2], stream)]
     for part in [*parts, np.empty((0, COLUMNS))]:
-        known.add(part, FIELDS.__getitem__)
+        known.add_states(part, FIELDS.__getitem__)
     assert len(known) == 9
     by_action = {tuple(np.float32(one[6:10])): one for one in np.concatenate(parts)}
     drawn = known.sample(stream, 200, 0.0)
@@ -88,7 +88,7 @@ def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
     vehicle = State(np.array([20.0, 20.0]), np.array([0.0, 7.0]))
     action = np.zeros(4, np.float32)
     known = ImitationDataset(Settings(observation="rays"))
-    known.add(np.array([labelled_row(5, vehicle, action)]), {5: field}.__getitem__)
+    known.add_states(np.array([labelled_row(5, vehicle, action)]), {5: field}.__getitem__)
     drawn = known.sample(np.random.default_rng(0), 1, 0.0)
     assert drawn.discs.shape == (1, 12, 3)
     assert drawn.present[0].tolist() == [1.0, 1.0] + [0.0] * 10
@@ -105,7 +105,7 @@ def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) 
         rows_of([0] * 3 + [1] * 30 + [2], stream),
     )
     for part in (rows[:3], rows[3:33], rows[33:]):
-        known.add(part, FIELDS.__getitem__)
+        known.add_states(part, FIELDS.__getitem__)
     assert len(known) == 34
     drawn = {tuple(action.tolist()) for action in known.sample(stream, 1000, 0.0).actions}
     assert drawn == {tuple(action) for action in rows[:, 6:10].astype(np.float32).tolist()}
@@ -113,7 +113,7 @@ def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) 
 
 def test_sampling_is_uniform_and_reproducible() -> None:
     known = ImitationDataset(Settings(observation="discs", nearest=2))
-    known.add(rows_of([0] * 10, np.random.default_rng(2)), FIELDS.__getitem__)
+    known.add_states(rows_of([0] * 10, np.random.default_rng(2)), FIELDS.__getitem__)
     drawn = [known.sample(np.random.default_rng(3), 5000, 0.0).actions for _ in range(2)]
     assert torch.equal(drawn[0], drawn[1])
     _, counts = np.unique(drawn[0].numpy(), axis=0, return_counts=True)
@@ -130,7 +130,7 @@ def test_a_field_is_looked_up_once_for_adjacent_rows() -> None:
         return FIELDS[seed]
 
     known = ImitationDataset(Settings(observation="discs", nearest=2))
-    known.add(rows_of([2, 2, 2, 0, 0, 3], np.random.default_rng(4)), field_of)
+    known.add_states(rows_of([2, 2, 2, 0, 0, 3], np.random.default_rng(4)), field_of)
     assert asked == [2, 0, 3]
 
 
@@ -144,13 +144,13 @@ def test_a_share_of_samples_is_near_the_latest_refused_segments(
         rows_of([0] * 100, stream),
     )
     rows[[1, 40, 60, 99], 10] = 1.0
-    known.add(rows[:50], FIELDS.__getitem__)
-    known.add(rows[50:], FIELDS.__getitem__)
+    known.add_states(rows[:50], FIELDS.__getitem__)
+    known.add_states(rows[50:], FIELDS.__getitem__)
     latest = {tuple(one) for one in np.float32(rows[[40, 60, 99], 6:10]).tolist()}
     for hard, least, most in ((0.0, 0, 40), (0.25, 100, 140), (1.0, 400, 400)):
         drawn = known.sample(stream, 400, hard).actions.tolist()
         assert least <= sum(tuple(action) in latest for action in drawn) <= most
     # without refused segments all rows are drawn uniformly
     easy = ImitationDataset(Settings(observation="discs", nearest=2))
-    easy.add(rows[:1], FIELDS.__getitem__)
+    easy.add_states(rows[:1], FIELDS.__getitem__)
     assert len(easy.sample(stream, 7, 0.5).actions) == 7
