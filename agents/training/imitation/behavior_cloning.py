@@ -47,9 +47,11 @@ class BehaviorCloning:
             Mean negative log-likelihood (`unlikely`) and mean violation [m] before the step.
         """
         observations, actions, discs = batch.observations, batch.actions, batch.discs
+        goal = batch.goal
         if mirror:
             observations, actions = mirrored(observations, actions)
             discs = discs * discs.new_tensor([1.0, -1.0, 1.0])
+            goal = goal * goal.new_tensor([1.0, -1.0])
         for group in self._optimizer.param_groups:
             group["lr"] = self._rate()
         distribution = self.learner.get_distribution(observations)
@@ -57,6 +59,7 @@ class BehaviorCloning:
         violations = violation(
             distribution.mode().clamp(-1.0, 1.0),
             speed_of(observations["vehicle"][:, 4]),
+            goal,
             discs,
             batch.present,
         )

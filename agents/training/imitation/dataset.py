@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.simulation import Observation, Settings, SimulatedRollouts, observe
+from ferguson_gym.simulation import Settings, SimulatedRollouts
 from ferguson_gym.world import Action, Field, State
+from ferguson_gym.world.limits import PAPER_LONGEST
 
 COLUMNS = 11
 """Columns of a row: seed of the field (or another number that stands for it), position and
@@ -32,6 +33,8 @@ class ImitationSample(NamedTuple):
     """Entries (n, size)."""
     actions: Tensor
     """(n, 4) the expert's."""
+    goal: Tensor
+    """(n, 2) in the vehicle's frame [m]."""
     discs: Tensor
     """(n, K, 3) around the vehicle: centre in its frame and radius [m]."""
     present: Tensor
@@ -40,21 +43,24 @@ class ImitationSample(NamedTuple):
 
 Columns: TypeAlias = dict[str, NDArray[np.float32]]
 """What samples hold of n states, by name (n, size): entries of observations, and `_actions`,
-`_discs` and `_present`."""
+`_goal`, `_discs` and `_present`."""
 
 
 def observed(rollouts: SimulatedRollouts, actions: Action) -> Columns:
     """What samples hold of the states of active rollouts, with an expert's actions (n, 4)."""
-    seen = {key: value.copy() for key, value in rollouts.observations.items()}
-    return _columns(seen, rollouts.observed(_AROUND), actions)
-
-
-def _columns(seen: Observation, around: Observation, actions: Action) -> Columns:
+    around = rollouts.observed(_AROUND)
     discs = around["obstacles"].reshape(len(actions), -1, 4)[:, :, :3]
+    flights, fields = rollouts.buffers.flights, rollouts.buffers.fields.records
+    own, along = fields[flights["slot"]], flights["derivative"]
+    away = (own["goal"] - flights["position"]) * (PAPER_LONGEST / own["longest"])[:, None]
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    left = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    goal = np.stack([(away * along).sum(axis=1), (away * left).sum(axis=1)], axis=1)
     return {
-        **seen,
+        **{key: value.copy() for key, value in rollouts.observations.items()},
         "_discs": _AROUND.view * discs.reshape(len(actions), -1),
         "_present": around["mask"].copy(),
+        "_goal": goal.astype(np.float32),
         "_actions": actions,
     }
 
@@ -100,11 +106,9 @@ class ImitationDataset:
         for part in np.split(rows, cuts) if len(rows) else []:
             field = field_of(int(part[0, 0]))
             vehicles = [State(row[1:3], row[3:5], int(row[5])) for row in part]
-            seen = observe(field, vehicles, self._settings)
-            self.add(
-                part,
-                _columns(seen, observe(field, vehicles, _AROUND), part[:, 6:10].astype(np.float32)),
-            )
+            nowhere_else = np.zeros(len(part), np.int64)
+            flights = SimulatedRollouts([field], nowhere_else, vehicles, self._settings)
+            self.add(part, observed(flights, part[:, 6:10].astype(np.float32)))
 
     def _append(self, columns: Columns) -> None:
         number = len(columns["_actions"])
@@ -132,6 +136,7 @@ class ImitationDataset:
         return ImitationSample(
             {key: value for key, value in drawn.items() if not key.startswith("_")},
             drawn["_actions"],
+            drawn["_goal"],
             drawn["_discs"].view(number, -1, 3),
             drawn["_present"],
         )

@@ -23,6 +23,9 @@ _ROOM = 0.5
 """Distance from the limits of length within which a length costs [m]."""
 _SLOWEST = 1.2
 """Size of the derivative below which it costs [m per unit t]."""
+_NEARLY = (0.7, 3.6)
+"""Distances from the goal between which a segment should not end, since the next one could not end
+on it: beyond the gate, and nearer than the shortest segment [m]."""
 _SAMPLES = 12
 
 
@@ -31,15 +34,19 @@ def speed_of(share: Tensor) -> Tensor:
     return SPREAD * torch.sinh(FINENESS * share)
 
 
-def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) -> Tensor:
+def violation(
+    actions: Tensor, speed: Tensor, goal: Tensor, discs: Tensor, present: Tensor
+) -> Tensor:
     """Violation (n,) [m] of the segments that actions encode.
 
     The sum of the shortfalls at sample points: in clearance along the segment and just ahead of its
-    end, in length beyond its limits, and in speed below a minimum.
+    end, in length beyond its limits, and in speed below a minimum, and by how much it ends too near
+    the goal, yet not on it.
 
     Args:
         actions: (n, 4).
         speed: (n,) size of the derivative that they begin with [m per unit t].
+        goal: (n, 2) in the vehicle's frame [m].
         discs: (n, K, 3) centre and radius in the vehicle's frame [m].
         present: (n, K) 1 for a disc, 0 for padding.
     """
@@ -54,13 +61,14 @@ def violation(actions: Tensor, speed: Tensor, discs: Tensor, present: Tensor) ->
     onward = slope / (_size(slope)[:, None] + 1e-3)
     far, room = (end.new_tensor(column) for column in zip(*AHEAD_OF_END, strict=True))
     beyond = end[:, None] + far[:, None] * onward[:, None]
-    length = pace.mean(dim=1)
+    length, short = pace.mean(dim=1), _size(goal - end)
     return (
         torch.relu(CLEARANCE - _clearance(points, discs, present)).sum(dim=1)
         + 0.5 * torch.relu(room - _clearance(beyond, discs, present)).sum(dim=1)
         + torch.relu(PAPER_LIMITS.shortest + _ROOM - length)
         + torch.relu(length - (PAPER_LIMITS.longest - _ROOM))
         + torch.relu(_SLOWEST - pace).sum(dim=1)
+        + torch.relu(torch.minimum(short - _NEARLY[0], _NEARLY[1] - short))
     )
 
 

@@ -8,7 +8,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from ferguson_gym.world.actions import REACH, STEEPEST, decode, encode
+from ferguson_gym.world.actions import REACH, STEEPEST, decode, encode, encode_ends
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
@@ -274,3 +274,23 @@ def test_invalid_positions_and_derivatives_are_refused(at, slope, message):
 
 
 FAR = np.full(2, 1e6)
+
+
+def test_many_ends_are_encoded_as_each_alone():
+    stream = np.random.default_rng(0)
+    many = 500
+    positions, derivatives = stream.normal(0.0, 30.0, (many, 2)), stream.normal(0.0, 8.0, (many, 2))
+    units = stream.choice([0.3, 1.0, 20.0], many)
+    ends = units[:, None] * stream.normal(0.0, 7.0, (many, 2))
+    slopes = units[:, None] * stream.normal(0.0, 20.0, (many, 2))
+    actions, inside = encode_ends(ends, slopes, derivatives, units)
+    for k in range(many):
+        here, ahead = positions[k], derivatives[k]
+        segment = [here, here + ends[k], ahead, slopes[k]]
+        if inside[k]:
+            alone = encode(segment, here, ahead, float(units[k]))
+            np.testing.assert_allclose(actions[k], alone, atol=2e-6)
+        else:
+            with pytest.raises(ValueError, match="no action reaches"):
+                encode(segment, here, ahead, float(units[k]))
+    assert 0.5 < inside.mean() < 1.0

@@ -68,7 +68,8 @@ def test_a_mirrored_update_equals_an_update_with_the_mirror_image(
     seen, actions = mirrored(batch.observations, batch.actions)
     image = batch.discs.clone()
     image[:, :, 1] *= -1.0
-    by_hand = ImitationSample(seen, actions, image, batch.present)
+    goal = batch.goal * torch.tensor([1.0, -1.0])
+    by_hand = ImitationSample(seen, actions, goal, image, batch.present)
     found = [
         make_cloning().update(batch, mirror=True),
         make_cloning().update(by_hand, mirror=False),

@@ -45,7 +45,8 @@ def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
 def single(sample: ImitationSample) -> Iterator[ImitationSample]:
     for k in range(len(sample.actions)):
         seen = {key: value[k] for key, value in sample.observations.items()}
-        yield ImitationSample(seen, sample.actions[k], sample.discs[k], sample.present[k])
+        parts = (sample.actions, sample.goal, sample.discs, sample.present)
+        yield ImitationSample(seen, *(part[k] for part in parts))
 
 
 @pytest.mark.parametrize(
@@ -54,8 +55,9 @@ def single(sample: ImitationSample) -> Iterator[ImitationSample]:
         {"observation": "discs"},
         {"observation": "rays", "rays": 9},
         {"observation": "both", "nearest": 3, "focus": 4.0},
+        {"observation": "rays", "way": 4, "margin": 0.5},
     ],
-    ids=["discs", "rays", "both"],
+    ids=["discs", "rays", "both", "way"],
 )
 def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None:
     settings, stream = Settings(**arguments), np.random.default_rng(0)
@@ -95,6 +97,7 @@ def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
     there = sorted(drawn.discs[0, :2].tolist())
     np.testing.assert_allclose(there, [[0.0, 3.0, 1.5], [10.0, 0.0, 2.0]], atol=1e-5)
     assert not drawn.discs[0, 2:].any()
+    np.testing.assert_allclose(drawn.goal, [[80.0, -80.0]], atol=1e-5)
 
 
 def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) -> None:

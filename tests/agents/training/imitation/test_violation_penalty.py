@@ -28,14 +28,41 @@ AHEAD = State(np.array([0.0, 0.0]), np.array([7.0, 0.0]))
 FAR = torch.tensor([[[50.0, 0.0, 1.0]]])
 
 
-def priced(actions: Any, discs: Any = None, speed: float = 7.0) -> Any:
-    """Violations of actions (n, 4) among discs (K, 3) that are all there."""
+GOAL = torch.tensor([[90.0, 0.0]])
+
+
+def priced(
+    actions: Any, discs: Any = None, speed: float = 7.0, goal: tuple[float, float] = (90.0, 0.0)
+) -> Any:
+    """Violations of actions (n, 4) among discs (K, 3) that are all there, before a goal."""
     actions = torch.as_tensor(np.asarray(actions, np.float32))
     discs = FAR if discs is None else torch.as_tensor(np.asarray(discs, np.float32))[None]
     discs = discs.expand(len(actions), -1, -1)
-    return violation(
-        actions, torch.full((len(actions),), speed), discs, torch.ones(discs.shape[:2])
-    )
+    goals = torch.tensor([goal]).expand(len(actions), -1)
+    speeds = torch.full((len(actions),), speed)
+    return violation(actions, speeds, goals, discs, torch.ones(discs.shape[:2]))
+
+
+def ahead_of(point: Array, vehicle: State) -> Array:
+    """A point (2,) in a vehicle's frame."""
+    forward = vehicle.derivative / np.linalg.norm(vehicle.derivative)
+    away = point - vehicle.position
+    return np.array([forward @ away, forward[0] * away[1] - forward[1] * away[0]])
+
+
+def test_a_segment_ends_on_the_goal_or_leaves_room_for_another_one() -> None:
+    action = towards(8.0, 1.0)[None]
+    for left, costs in ((0.0, False), (0.6, False), (1.2, True), (3.0, True), (3.7, False)):
+        for side in (-1.0, 1.0):
+            assert (priced(action, goal=(8.0, 1.0 + side * left)) > 0.01).all() == costs, left
+    # beside the goal the nearer way out is downhill
+    at_once = torch.from_numpy(action.copy()).requires_grad_()
+    near = torch.tensor([[9.3, 1.0]])
+    nothing = torch.zeros(1, 1)
+    cost = violation(at_once, torch.tensor([7.0]), near, FAR, nothing).sum()
+    (gradient,) = torch.autograd.grad(cost, at_once)
+    after = (at_once - 0.01 * gradient / gradient.norm()).detach()
+    assert violation(after, torch.tensor([7.0]), near, FAR, nothing) < cost
 
 
 def towards(x: float, y: float, along: float = 7.0, across: float = 0.0) -> Array:
@@ -85,6 +112,7 @@ def flown(spec: str) -> Flown:
         price = violation(
             torch.from_numpy(np.array(actions)),
             speed_of(torch.from_numpy(seen["vehicle"][:, 4].copy())),
+            torch.from_numpy(np.array([ahead_of(field.goal, one) for one in vehicles], np.float32)),
             torch.from_numpy(rows),
             torch.from_numpy(seen["mask"].copy()),
         )
@@ -143,7 +171,7 @@ def test_rows_of_padding_are_nothing() -> None:
     discs = torch.tensor([[[3.5, 0.0, 2.0], [0.0, 0.0, 0.0]]])
     action = torch.from_numpy(towards(7.0, 0.0))[None]
     cost = [
-        float(violation(action, torch.tensor([7.0]), discs, torch.tensor([present])))
+        float(violation(action, torch.tensor([7.0]), GOAL, discs, torch.tensor([present])))
         for present in ([1.0, 1.0], [1.0, 0.0], [0.0, 0.0])
     ]
     assert cost[0] > 0.0  # a disc of no size at the start does not matter here or there
@@ -158,10 +186,11 @@ def descended(action: Array, field: Field, vehicle: State, steps: int = 150) -> 
     rows = torch.from_numpy(view.view * seen["obstacles"].reshape(1, -1, 4)[:, :, :3])
     present = torch.from_numpy(seen["mask"].copy())
     speed = torch.tensor([float(np.linalg.norm(vehicle.derivative))])
+    goal = torch.from_numpy(ahead_of(field.goal, vehicle).astype(np.float32)[None])
     free = torch.from_numpy(action[None].copy()).requires_grad_()
     descent = torch.optim.Adam([free], lr=0.02)
     for _ in range(steps):
-        cost = violation(free.clamp(-1.0, 1.0), speed, rows, present).sum()
+        cost = violation(free.clamp(-1.0, 1.0), speed, goal, rows, present).sum()
         if cost.item() == 0.0:
             break
         descent.zero_grad()
@@ -217,6 +246,7 @@ def test_gradients_are_finite_everywhere() -> None:
         cost = violation(
             at_once,
             torch.full((number,), speed),
+            torch.tensor([[10.0, 0.0]]).expand(number, -1),
             discs.expand(number, -1, -1),
             torch.ones(number, 4),
         )
