@@ -141,7 +141,7 @@ _ON_POLICY = frozenset(
     {
         *("learning_rate", "n_steps", "batch_size", "n_epochs", "gamma", "gae_lambda"),
         *("clip_range", "clip_range_vf", "normalize_advantage", "ent_coef", "vf_coef"),
-        *("max_grad_norm", "target_kl", "critic_alone"),
+        *("max_grad_norm", "target_kl", "critic_alone", "last_std"),
     }
 )
 _SOFT = _OFF_POLICY | {"ent_coef", "target_update_interval", "target_entropy"}

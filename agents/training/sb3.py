@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import shutil
 import time
 from typing import Any
@@ -44,8 +45,10 @@ _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
 """Logging interval of the library, which counts rollouts on policy and episodes off policy."""
 _LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
 _NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
-_CRITIC_ALONE = "critic_alone"
-"""Key of PPO that its library does not have: steps in which only the critic is trained."""
+_CRITIC_ALONE, _LAST_STD = "critic_alone", "last_std"
+"""Keys of PPO that its library does not have: steps in which only the critic is trained, and the
+standard deviation of the actions' noise at the end, to which it decreases by the same factor in
+every step. A noise that is learned stays so large that flights collide because of it alone."""
 _CRITIC = ("mlp_extractor.value_net", "value_net")
 
 
@@ -136,7 +139,7 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
     arguments: dict[str, Any] = {
         key: value if (top := slope(value)) is None else LinearSchedule(top, budget)
         for key, value in run.hyperparameters.learner.items()
-        if key != _CRITIC_ALONE
+        if key not in (_CRITIC_ALONE, _LAST_STD)
     }
     if (noise := _noise(arguments)) is not None:
         arguments["action_noise"] = noise
@@ -213,11 +216,14 @@ class _TrainingCallback(BaseCallback):
         self._run, self._record, self._budget = run, record, budget
         self._interrupt, self._progress = interrupt, progress
         self._critic_alone = run.hyperparameters.learner.get(_CRITIC_ALONE, 0)
+        self._last_std: float | None = run.hyperparameters.learner.get(_LAST_STD)
         self._checkpoint_time = time.monotonic()
 
     def _on_rollout_start(self) -> None:
         if self._critic_alone:
             self._freeze_actor(self.model.num_timesteps < self._critic_alone)
+        if self._last_std is not None:
+            self._lower_noise(self._last_std)
         steps, curve = self.model.num_timesteps, self._record.curve
         if not curve or steps >= curve[-1]["steps"] + self._run.hyperparameters.eval_freq:
             found = self._record.evaluate(self.model, steps, self._budget.seconds)
@@ -238,6 +244,13 @@ class _TrainingCallback(BaseCallback):
         """
         for name, parameter in self.model.policy.named_parameters():
             parameter.requires_grad_(not frozen or name.startswith(_CRITIC))
+
+    def _lower_noise(self, last: float) -> None:
+        """Set the noise of actions to its value at this time."""
+        policy: Any = self.model.policy
+        policy.log_std.requires_grad_(False)
+        done = self._budget.done
+        policy.log_std.fill_((1.0 - done) * policy.log_std_init + done * math.log(last))
 
     def _on_step(self) -> bool:
         self._budget.steps = self.model.num_timesteps
