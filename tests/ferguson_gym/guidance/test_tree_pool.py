@@ -31,11 +31,11 @@ def test_a_pool_that_grows_gives_what_each_tree_gives_alone() -> None:
     assert len(pool) == 70
     which = np.append(stream.integers(70, size=200), 7)
     points = stream.uniform(0.0, 100.0, (201, 2))
-    places, togo = pool.look_ahead(which, points, SHOWN)
+    places, togo = pool.look_ahead(which, points, SHOWN[None])
     for k, number in enumerate(which.tolist()):
         if np.isinf(togo[k]):
             continue
-        alone, length = Way(fields[number], 0.8, SHOWN).ahead(points[k : k + 1])
+        alone, length = Way(fields[number], 0.8).ahead(points[k : k + 1], SHOWN[None])
         np.testing.assert_array_equal(places[k], alone[0])
         assert togo[k] == length[0]
     assert np.isfinite(togo).mean() > 0.9
@@ -44,7 +44,7 @@ def test_a_pool_that_grows_gives_what_each_tree_gives_alone() -> None:
 def test_numbers_below_zero_have_no_way() -> None:
     pool = TreePool()
     pool.add(made(get_field("sparse/train:1")))
-    _, togo = pool.look_ahead(np.array([-1, 0, -2]), np.zeros((3, 2)), SHOWN)
+    _, togo = pool.look_ahead(np.array([-1, 0, -2]), np.zeros((3, 2)), SHOWN[None])
     assert np.isinf(togo).tolist() == [True, False, True]
 
 

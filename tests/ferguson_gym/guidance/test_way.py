@@ -54,7 +54,7 @@ def test_points_ahead_and_distances_are_those_of_the_path_among_grown_discs(
     points = random_points(60)
     points = points[far_from(togo.field, points, 1e-6)]
     points = np.vstack([points, field.start, field.goal])
-    places, distances = Way(field, margin, SHOWN).ahead(points)
+    places, distances = Way(field, margin).ahead(points, SHOWN[None])
     assert places.shape == (len(points), len(SHOWN), 2)
     expected, _ = togo(points)
     there = np.isfinite(expected)
@@ -71,10 +71,10 @@ def test_points_ahead_and_distances_are_those_of_the_path_among_grown_discs(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_what_is_shown_does_not_depend_on_the_number_of_points(name: str) -> None:
-    way, points = Way(get_field(name), 0.8, SHOWN), random_points(30, seed=1)
-    places, togo = way.ahead(points)
+    way, points = Way(get_field(name), 0.8), random_points(30, seed=1)
+    places, togo = way.ahead(points, SHOWN[None])
     for k, point in enumerate(points):
-        alone = way.ahead(point[None])
+        alone = way.ahead(point[None], SHOWN[None])
         np.testing.assert_array_equal(alone[0][0], places[k])
         np.testing.assert_array_equal(alone[1][0], togo[k])
 
@@ -83,7 +83,7 @@ def test_from_within_a_margin_the_way_leads_out_of_it_first() -> None:
     field = Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0]))
     point = 50.0 - 10.3 / np.sqrt(2.0) * np.ones(2)
     rim = 50.0 - 11.0 / np.sqrt(2.0) * np.ones(2)
-    places, togo = Way(field, 1.0, [0.35, 0.7, 5.0]).ahead(point[None])
+    places, togo = Way(field, 1.0).ahead(point[None], [[0.35, 0.7, 5.0]])
     np.testing.assert_allclose(places[0, 0], (point + rim) / 2.0, rtol=0, atol=1e-6)
     np.testing.assert_allclose(places[0, 1], rim, rtol=0, atol=1e-6)
     assert np.hypot(*(places[0, 2] - 50.0)) == pytest.approx(11.0, abs=1e-6)
@@ -98,7 +98,7 @@ def test_where_no_way_keeps_margins_it_is_the_shortest_path() -> None:
     point = np.array([-9.9, 53.7])
     assert discs.signed_distance(point).min() > 0.0
     assert np.isinf(with_margin(field, 0.8)([point])[0][0])
-    places, togo = Way(field, 0.8, SHOWN).ahead(point[None])
+    places, togo = Way(field, 0.8).ahead(point[None], SHOWN[None])
     exact = DistanceToGoal(field)
     path = exact.path(point)
     assert path is not None
@@ -108,7 +108,7 @@ def test_where_no_way_keeps_margins_it_is_the_shortest_path() -> None:
 
 def test_without_any_path_the_distance_is_infinite_and_points_ahead_stay() -> None:
     points = np.array([[0.0, 0.0], [100.0, 100.5], [31.0, 7.0]])
-    places, togo = Way(ENCLOSED, 0.8, SHOWN).ahead(points)
+    places, togo = Way(ENCLOSED, 0.8).ahead(points, SHOWN[None])
     assert np.isinf(togo).tolist() == [True, False, True]
     for k in (0, 2):
         assert (places[k] == points[k]).all()
@@ -116,12 +116,12 @@ def test_without_any_path_the_distance_is_infinite_and_points_ahead_stay() -> No
 
 
 def test_in_an_open_field_the_way_is_straight() -> None:
-    places, togo = Way(OPEN, 5.0, SHOWN).ahead(np.array([[0.0, 0.0], [100.0, 40.0]]))
+    places, togo = Way(OPEN, 5.0).ahead(np.array([[0.0, 0.0], [100.0, 40.0]]), SHOWN[None])
     np.testing.assert_allclose(togo, [np.sqrt(2.0) * 100.0, 60.0])
     np.testing.assert_allclose(places[1, :, 0], 100.0)
     np.testing.assert_allclose(places[1, :, 1], np.minimum(40.0 + SHOWN, 100.0))
-    assert Way(OPEN, 5.0, []).ahead(np.zeros((2, 2)))[0].shape == (2, 0, 2)
-    assert Way(OPEN, 5.0, SHOWN).ahead(np.zeros((0, 2)))[1].shape == (0,)
+    assert Way(OPEN, 5.0).ahead(np.zeros((2, 2)), np.empty((1, 0)))[0].shape == (2, 0, 2)
+    assert Way(OPEN, 5.0).ahead(np.zeros((0, 2)), SHOWN[None])[1].shape == (0,)
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.8])
@@ -133,10 +133,10 @@ def test_among_many_discs_the_way_is_the_same(
     points = random_points(40, seed=2)
     points = points[far_from(field, points, 0.0)]
     assert (~far_from(with_margin(field, 2.0).field, points, 0.0)).sum() > 1
-    places, togo = Way(field, margin, SHOWN).ahead(points)
+    places, togo = Way(field, margin).ahead(points, SHOWN[None])
     monkeypatch.setattr(distance_to_goal, "FEW", 0)
-    many = Way(get_field(name), margin, SHOWN)  # another field, since results are cached
-    others, lengths = many.ahead(points)
+    many = Way(get_field(name), margin)  # another field, since results are cached
+    others, lengths = many.ahead(points, SHOWN[None])
     np.testing.assert_allclose(lengths, togo, rtol=0, atol=1e-7)
     np.testing.assert_allclose(others, places, rtol=0, atol=1e-5)
 
@@ -145,8 +145,8 @@ def test_among_many_discs_the_way_is_the_same(
 def test_the_way_scales_with_the_field(scale: float) -> None:
     field, motion = get_field("dense/train:2"), Motion(scale=scale, shift=(3.0, -7.0))
     points = random_points(30, seed=3)
-    places, togo = Way(field, 0.8, SHOWN).ahead(points)
-    images, lengths = Way(motion.field(field), 0.8, SHOWN).ahead(motion.points(points))
+    places, togo = Way(field, 0.8).ahead(points, SHOWN[None])
+    images, lengths = Way(motion.field(field), 0.8).ahead(motion.points(points), SHOWN[None])
     np.testing.assert_allclose(lengths, scale * togo, rtol=1e-6)
     np.testing.assert_allclose(images, motion.points(places), rtol=0, atol=1e-5 * scale)
 
@@ -156,9 +156,11 @@ def test_other_fields_and_distances_are_refused() -> None:
         name="solid", obstacles=Discs([[5.0] * 3], [1.0]), start=[0.0] * 3, goal=[9.0] * 3
     )
     with pytest.raises(ValueError, match=r"plane|planar"):
-        Way(solid, 0.8, SHOWN)
+        Way(solid, 0.8)
     with pytest.raises(ValueError, match="distances must be finite, got nan"):
-        Way(OPEN, 0.8, [1.0, np.nan])
+        Way(OPEN, 0.8).ahead(np.zeros((1, 2)), [[1.0, np.nan]])
+    with pytest.raises(ValueError, match="need 1 or 3 rows of distances, got 2"):
+        Way(OPEN, 0.8).ahead(np.zeros((3, 2)), np.ones((2, 4)))
 
 
 @given(
@@ -171,7 +173,7 @@ def test_distances_in_any_field_are_exact_or_those_of_the_nearest_free_point(
     field: Field, margin: float, points: list[Any]
 ) -> None:
     kept, exact = with_margin(field, margin), DistanceToGoal(field)
-    places, togo = Way(field, margin, SHOWN).ahead(np.array(points))
+    places, togo = Way(field, margin).ahead(np.array(points), SHOWN[None])
     grown = planar_discs(kept.field)
     columns = np.ascontiguousarray(grown.centers.T)
     for point, spots, length in zip(np.array(points), places, togo, strict=True):

@@ -71,10 +71,10 @@ def test_points_ahead_are_shown_in_the_body_frame(scale: float) -> None:
     env = ObstacleField(rays=3, way=5, margin=1.1, view=40.0)
     seen, _ = env.reset(options={"field": field})
     view = 40.0 * scale
-    way = Way(field, 1.1, 8.0 * np.arange(1, 6))
+    way, shown = Way(field, 1.1), 8.0 * np.arange(1, 6)[None]
     for action in flight(field):
         state = env.state
-        places, (togo,) = way.ahead(state.position[None])
+        places, (togo,) = way.ahead(state.position[None], shown)
         ahead = state.derivative / np.linalg.norm(state.derivative)
         left = np.array([-ahead[1], ahead[0]])
         points = seen["way"][:10].reshape(5, 2)
