@@ -215,7 +215,7 @@ class PlannerSpec:
         for option in options:
             label, _, value = option.partition("=")
             if label in _METRES:
-                spec = spec.with_options(**{label: _metres(label, value)})
+                spec = spec.with_options(**{label: parse_metres(label, value)})
             elif option == "backtrack":
                 spec = spec.with_options(backtrack=True)
             else:
@@ -384,7 +384,12 @@ def _is_set(value: object) -> bool:
     return value is not None and value is not False
 
 
-def _metres(label: str, value: str) -> float:
+def parse_metres(label: str, value: str) -> float:
+    """The value of an option in metres.
+
+    Raises:
+        ValueError: not a number.
+    """
     try:
         return float(value)
     except ValueError:

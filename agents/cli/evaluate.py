@@ -39,7 +39,8 @@ policies:
               multi-start+from=POLICY use that policy's segments as initial
               guess
   agents      {", ".join(shipped()) or "no shipped ones"}, or the directory of a trained one;
-              AGENT+tries=N simulates N rollouts and flies the shortest
+              AGENT+tries=N simulates N rollouts and flies the shortest;
+              AGENT+sensing=METRES knows obstacles within that range only
   shield      POLICY+shield: guided decides where a segment cannot be
               certified one step ahead (only for policies that decide
               segment by segment)

@@ -38,7 +38,7 @@ def field_of(source: Source, changes: FieldChanges = UNCHANGED) -> Field:
 def is_batched(policy: str) -> bool:
     """Whether a policy is an agent alone, which flies many fields at once."""
     spec = PolicySpec.parse(policy)
-    return not (spec.shield or spec.is_planner or spec.tries)
+    return not (spec.shield or spec.is_planner or spec.tries or spec.sensing)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from agents.models import shipped_agents
 from agents.policies.interface import Policy
+from agents.policies.limited_sensing import SensingPolicy
 from agents.policies.planner_policies import TrackingPolicy, planner_policy
 from agents.policies.policy_proposals import PolicyProposer
 from agents.policies.shield import Shield
@@ -62,5 +63,7 @@ def _agent(spec: PolicySpec) -> Policy:
     from agents.policies.lookahead import LookaheadPolicy
     from agents.policies.network_policy import network_policy
 
-    policy = network_policy(directory)
-    return policy if spec.tries is None else LookaheadPolicy(policy, spec.tries)
+    policy: Policy = network_policy(directory)
+    if spec.tries is not None:
+        policy = LookaheadPolicy(network_policy(directory), spec.tries)
+    return policy if spec.sensing is None else SensingPolicy(policy, spec.sensing)

@@ -6,6 +6,7 @@
 | `PLANNER+...+from=POLICY` | a planner whose initial guesses are the segments of another policy |
 | `AGENT` | a shipped agent by name, or the path of a trained one; `best` is the best shipped one |
 | `AGENT+tries=N` | an agent that simulates N rollouts and flies the shortest |
+| `AGENT[+tries=N]+sensing=METRES` | an agent that knows only the obstacles within a range |
 | `POLICY+shield` | a policy whose segments a planner replaces if they fail a check |
 """
 
@@ -16,9 +17,10 @@ from typing import Any
 
 from agents.models import shipped_agents
 from ferguson_gym.world import Field
-from planners.registry import PLANNERS, PlannerSpec
+from planners.registry import PLANNERS, PlannerSpec, parse_metres
+from planners.wrappers.limited_sensing import check_range
 
-_SHIELD, _FROM, _TRIES = "+shield", "+from=", "+tries="
+_SHIELD, _FROM, _TRIES, _SENSING = "+shield", "+from=", "+tries=", "+sensing="
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,8 @@ class PolicySpec:
     """Name of a shipped agent or path of a trained one; empty: the policy is a planner."""
     tries: int | None = None
     """Number of flights that the agent simulates before it flies; None: it simulates none."""
+    sensing: float | None = None
+    """Range within which obstacles become known to the agent [m]; None: it knows all."""
     shield: bool = False
     """Whether the policy flies under a shield."""
 
@@ -75,12 +79,15 @@ class PolicySpec:
 
     @classmethod
     def _parse_agent(cls, text: str) -> PolicySpec:
-        name, found, tries = text.partition(_TRIES)
+        plain, limited, metres = text.partition(_SENSING)
+        name, found, tries = plain.partition(_TRIES)
         if found and not (tries.isascii() and tries.isdecimal()):
             raise ValueError(f"policy {text!r}: need an integer >= 1 after {_TRIES}, got {tries!r}")
         best = shipped_agents.best() if name == shipped_agents.BEST else None
         spec = cls(agent=name) if best is None else cls._parse_agent(best)
-        return replace(spec, tries=int(tries)) if found else spec
+        if found:
+            spec = replace(spec, tries=int(tries))
+        return replace(spec, sensing=parse_metres("sensing", metres)) if limited else spec
 
     def with_options(self, start_from: str | None = None, **options: Any) -> PolicySpec:
         """This planner with options of `planners.registry.PlannerSpec`; None or False: unchanged.
@@ -108,6 +115,8 @@ class PolicySpec:
         """
         if self.planner is not None:
             self.planner.check(field)
+        if self.sensing is not None:
+            check_range(self.sensing, field)
 
     @property
     def is_planner(self) -> bool:
@@ -128,4 +137,6 @@ class PolicySpec:
             name += f"{_FROM}{self.start_from}"
         if self.tries is not None:
             name += f"{_TRIES}{self.tries}"
+        if self.sensing is not None:
+            name += f"{_SENSING}{str(self.sensing).removesuffix('.0')}"
         return name + _SHIELD * self.shield

@@ -3,6 +3,7 @@
 import pytest
 
 from agents.policies.spec import PolicySpec
+from ferguson_gym.world import get_field
 from planners.registry import PlannerSpec
 
 
@@ -21,6 +22,16 @@ def test_an_agent_with_all_parts() -> None:
     assert not spec.is_planner
 
 
+def test_an_agent_with_limited_sensing() -> None:
+    spec = PolicySpec.parse("runs/mine+tries=16+sensing=45.0+shield")
+    assert spec == PolicySpec(agent="runs/mine", tries=16, sensing=45.0, shield=True)
+    assert str(spec) == "runs/mine+tries=16+sensing=45+shield"
+    with pytest.raises(ValueError, match="a sensing range is a number of metres, got 'far'"):
+        PolicySpec.parse("runs/mine+sensing=far")
+    with pytest.raises(ValueError, match="at least the longest segment, 15 m"):
+        PolicySpec.parse("runs/mine+sensing=9").check(get_field("paper:1"))
+
+
 def test_the_path_of_an_agent_may_hold_a_plus() -> None:
     assert PolicySpec.parse("runs/a+b") == PolicySpec(agent="runs/a+b")
     assert PolicySpec.parse("runs/a+b+tries=4").agent == "runs/a+b"
@@ -34,6 +45,7 @@ def test_the_path_of_an_agent_may_hold_a_plus() -> None:
         ("guided+sensing=20+backtrack", "guided+backtrack+sensing=20"),
         ("multi-start+from=guided+turn=2.50", "multi-start+from=guided+turn=2.5"),
         ("runs/mine+tries=08", "runs/mine+tries=8"),
+        ("runs/mine+sensing=45.50", "runs/mine+sensing=45.5"),
         ("single-start+from=runs/mine+tries=2", "single-start+from=runs/mine+tries=2"),
     ],
 )

@@ -75,7 +75,7 @@ def test_the_losses_of_dagger_decrease(command: Command, tmp_path: Path) -> None
     unlikely = np.array([cost["unlikely"] for cost in costs])
     assert np.isfinite(unlikely).all()
     assert unlikely[-20:].mean() < unlikely[:20].mean() - 1.0
-    # violations begin near zero, since nothing is flown yet but straight on, where an expert has been
+    # violations begin near zero, where experts fly and untrained networks go straight on
     assert np.isfinite([cost["violation"] for cost in costs]).all()
 
 
