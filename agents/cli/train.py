@@ -121,16 +121,17 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     start = None if options.start is None else _initial_model(options)
     check_number([options.choose_on], MOST)
     check_number([options.report_on], MOST)
+    hyperparameters = read(options.config or name, algorithm.keys)
     run = Run(
         algorithm=name,
         directory=options.out,
-        hyperparameters=read(options.config or name, algorithm.keys),
+        hyperparameters=hyperparameters,
         seed=options.seed,
         steps=options.steps,
         minutes=options.minutes,
         start=start,
         demos=options.demos,
-        fields=tuple(options.fields or ()),
+        fields=tuple(options.fields or hyperparameters.fields),
         chosen_on=options.choose_on,
         reported_on=options.report_on,
         workers=options.workers,

@@ -19,7 +19,7 @@ from agents.training import zoo_files
 
 SHIPPED = Path(__file__).parent / "configs"
 """Directory of the shipped files; `ALGORITHM.yml` is the default of each algorithm."""
-_COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
+_COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs", "fields")
 _LINEAR = "lin_"
 _EVALUATIONS = 50
 """Number of evaluations where a file has no `eval_freq`, as those of the RL Zoo."""
@@ -48,6 +48,8 @@ class Hyperparameters:
     """Arguments of the environment."""
     learner: dict[str, Any]
     """The algorithm's own arguments: numbers, words, or `lin_X`."""
+    fields: tuple[str, ...] = ()
+    """Names of the fields to train on; empty: those of the environment."""
 
 
 def read(given: str, known: Collection[str]) -> Hyperparameters:
@@ -108,6 +110,7 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
             policy_kwargs=_mapping("policy_kwargs", entries.get("policy_kwargs")),
             env_kwargs=_mapping("env_kwargs", entries.get("env_kwargs")),
             learner={key: _plain(key, entries[key]) for key in entries if key in known},
+            fields=_names("fields", entries.get("fields", [])),
         )
     except (ValueError, RecursionError) as error:  # a list may contain itself
         raise ValueError(f"{given}: {error}") from None
@@ -132,6 +135,12 @@ def _count(entries: dict[str, Any], key: str) -> int:
     if number is None or number < 1 or number != int(number):
         raise ValueError(f"{key} must be an integer >= 1, got {value!r}")
     return int(number)
+
+
+def _names(key: str, value: object) -> tuple[str, ...]:
+    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
+        raise ValueError(f"{key} must be a list of names, got {value!r}")
+    return tuple(value)
 
 
 def _mapping(key: str, value: object) -> dict[str, Any]:

@@ -94,7 +94,10 @@ class Run:
             "fields": list(self.fields) or None,
             "chosen_on": self.chosen_on,
             "reported_on": self.reported_on,
-            "hyperparameters": asdict(self.hyperparameters),
+            # the run's own fields are those of the hyperparameters, unless others were given
+            "hyperparameters": {
+                key: value for key, value in asdict(self.hyperparameters).items() if key != "fields"
+            },
         }
 
 

@@ -36,6 +36,10 @@ from tests.support.tiny_imitation import straight_flights
         ("CartPole-v1: {}", f"need the key {ENVIRONMENT_ID} at the top"),
         (f"{ENVIRONMENT_ID}: 3", "need keys and values below"),
         (f"{ENVIRONMENT_ID}: {{policy: mlp}}", "missing keys n_timesteps"),
+        (
+            f"{ENVIRONMENT_ID}: {{n_timesteps: 9, policy: mlp, fields: forest/train:1}}",
+            "fields must be a list of names, got 'forest/train:1'",
+        ),
     ],
 )
 def test_files_without_valid_hyperparameters_are_refused(

@@ -62,15 +62,28 @@ def test_reinforcement_learning_flies_them_and_no_others(
 
 def test_imitation_labels_states_in_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     flown: set[str] = set()
-    advance = dagger_rollouts.advance
+    rollouts = dagger_rollouts.SimulatedRollouts
 
-    def watched(field: Any, *others: Any) -> Any:
-        flown.add(field.name)
-        return advance(field, *others)
+    def watched(fields: Any, *others: Any) -> Any:
+        flown.update(field.name for field in fields)
+        return rollouts(fields, *others)
 
-    monkeypatch.setattr(dagger_rollouts, "advance", watched)
+    monkeypatch.setattr(dagger_rollouts, "SimulatedRollouts", watched)
     assert main(line(tmp_path, "dagger", tiny_imitation.TINY)) == 0
     assert flown == {"forest/train:3", "forest/train:4", "own"}
+
+
+def test_hyperparameters_may_name_them(tmp_path: Path) -> None:
+    recipe = PPO | {"fields": ["forest/train:3-4", "traps/train:7"]}
+    given = line(tmp_path, "ppo", recipe)
+    named = [part for k, part in enumerate(given) if "--fields" not in given[max(k - 1, 0) : k + 1]]
+    assert main(named) == 0
+    settings = loading.load(tmp_path / "out").card.settings
+    assert settings["fields"] == recipe["fields"]
+    assert "fields" not in settings["hyperparameters"]
+    assert main([*given, "--fresh"]) == 0  # the command line comes first
+    settings = loading.load(tmp_path / "out").card.settings
+    assert settings["fields"] == ["forest/train:3-4", str(tmp_path / "own.json")]
 
 
 def test_other_fields_are_another_training(
