@@ -8,7 +8,7 @@ a time, instead of sorting them.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -29,6 +29,11 @@ NODE = np.dtype(
         ("next", np.int32),  # the node at which the path leaves that
     ]
 )
+
+
+_Departure: TypeAlias = tuple[float, float, float, int, float, float]
+"""Length of a path [m], unit direction in which it leaves, the track that it reaches (STRAIGHT or
+NOWHERE), the angle there [rad], and the length of its first line [m]."""
 
 
 class PathTree(NamedTuple):
@@ -143,16 +148,30 @@ def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
 
 
 @compiled
-def _departure(
-    tree: PathTree, x: float, y: float, bounds: Array
-) -> tuple[float, float, float, int, float, float]:
+def _by_track(
+    tree: PathTree, x: float, y: float, side: int, i: int, best: _Departure
+) -> _Departure:
+    """The path around a disc on one side, if it is free and shorter than the best so far."""
+    discs, sense, track = tree.discs, 1.0 - 2.0 * side, 2 * i + side
+    line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
+    at = angle(sense, ux, uy)
+    node = _following(tree, track, at)
+    if node < 0:
+        return best
+    there = tree.nodes[node]
+    length = line + discs[2, i] * sweep(at, there.angle) + there.togo
+    if length < best[0] and _is_clear(x, y, ux, uy, line, discs, i):
+        return length, ux, uy, track, at, line
+    return best
+
+
+@compiled
+def _departure(tree: PathTree, x: float, y: float, bounds: Array) -> _Departure:
     """How the shortest path from a point in no disc to the goal leaves it.
 
     As `ferguson_gym.shortest_paths.departures.shortest_departure`, with what `_bound` has filled.
-
-    Returns:
-        Length [m], unit direction, track (STRAIGHT or NOWHERE), angle where it is reached [rad],
-        and length of the first line [m].
+    Sides of discs are tried in the order of their bounds until one leads to the goal, then all
+    whose bound is less than the best length: a search for the least bound would take longer.
     """
     discs, frame = tree.discs, tree.frame
     best = (np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
@@ -163,9 +182,9 @@ def _departure(
     if distance == 0.0:
         return 0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0
     if _is_clear(x, y, dx / distance, dy / distance, distance, discs, -1):
-        best = (distance, dx / distance, dy / distance, STRAIGHT, 0.0, distance)
-    while True:
-        bound, side, i = best[0], -1, -1
+        return distance, dx / distance, dy / distance, STRAIGHT, 0.0, distance
+    while best[0] == np.inf:
+        bound, side, i = np.inf, -1, -1
         for s in range(2):
             for k in range(discs.shape[1]):
                 if bounds[s, k] < bound:
@@ -173,16 +192,12 @@ def _departure(
         if side < 0:
             return best
         bounds[side, i] = np.inf
-        sense, track = 1.0 - 2.0 * side, 2 * i + side
-        line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
-        at = angle(sense, ux, uy)
-        node = _following(tree, track, at)
-        if node < 0:
-            continue
-        there = tree.nodes[node]
-        length = line + discs[2, i] * sweep(at, there.angle) + there.togo
-        if length < best[0] and _is_clear(x, y, ux, uy, line, discs, i):
-            best = (length, ux, uy, track, at, line)
+        best = _by_track(tree, x, y, side, i, best)
+    for s in range(2):
+        for k in range(discs.shape[1]):
+            if bounds[s, k] < best[0]:
+                best = _by_track(tree, x, y, s, k, best)
+    return best
 
 
 @compiled
