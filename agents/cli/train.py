@@ -75,7 +75,7 @@ def add_to(train: Parser) -> None:
         "--demos",
         metavar="DATASET_ID",
         help="dataset of demonstrations: the training data of bc, the first data of dagger, the "
-        "initial replay buffer of sac, td3 and tqc",
+        "initial replay buffer of sac and tqc",
     )
     shared.add_fields(
         train,

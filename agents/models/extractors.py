@@ -1,9 +1,9 @@
-"""Feature extractors in torch: plain concatenation, deep sets, and attention over obstacles.
+"""Feature extractors in torch: plain concatenation, and deep sets of obstacles.
 
 Observations are divided by large lengths, so each extractor adds a rescaled copy of short
 distances: a metre matters beside an obstacle and on the last segments before the goal.
-`agents.models.inference.features` has compiled versions of the first two. The attribute names of
-layers are the names of weights in saved models and must not change.
+`agents.models.inference.features` has compiled versions of both. The attribute names of layers are
+the names of weights in saved models and must not change.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import torch
 from gymnasium import spaces
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from torch import Tensor, nn
-from torch.nn import functional
 
 from agents.models.inference.features import (
     DIRECTION_OFFSET,
@@ -74,75 +73,6 @@ class DeepSets(BaseFeaturesExtractor):
         # scaled so that the sum over a dozen obstacles is near one
         pooled = [each.sum(dim=1) / POOL_SCALE, each.amax(dim=1)]
         return torch.cat([*pooled, own, *_others(observation)], dim=1)
-
-
-class Attention(BaseFeaturesExtractor):
-    """Self-attention over the vehicle and the obstacles, then the maximum over obstacles.
-
-    The features depend neither on the order of the obstacles nor on padding rows.
-
-    Args:
-        observation_space: dictionary space with `obstacles` and `mask`.
-        width: width of a token.
-        layers: number of attention layers.
-        heads: number of attention heads; they share the width.
-
-    Raises:
-        ValueError: The observation has no obstacles, or the width is not a multiple of `heads`.
-
-    Reference:
-        Vaswani et al. (2017), Attention is all you need, NeurIPS 30; layer normalisation comes
-        first, as in Xiong et al. (2020), On layer normalization in the transformer architecture,
-        ICML.
-    """
-
-    def __init__(
-        self, observation_space: spaces.Dict, width: int = 64, layers: int = 2, heads: int = 4
-    ) -> None:
-        if width % heads:
-            raise ValueError(f"width must be a multiple of heads, got {width} and {heads}")
-        super().__init__(
-            observation_space, 2 * width + VEHICLE_SIZE + _others_of(observation_space)
-        )
-        self.vehicle = nn.Linear(VEHICLE_SIZE, width)
-        self.obstacle = nn.Sequential(
-            nn.Linear(DISC_SIZE, width), nn.SiLU(), nn.Linear(width, width)
-        )
-        self.layers = nn.ModuleList([_Layer(width, heads) for _ in range(layers)])
-
-    def forward(self, observation: dict[str, Tensor]) -> Tensor:
-        """Features (n, features_dim)."""
-        own, rows, mask = _split(observation)
-        tokens = torch.cat([self.vehicle(own)[:, None], self.obstacle(rows)], dim=1)
-        present = torch.cat([torch.ones_like(mask[:, :1]), mask], dim=1) > 0.5
-        for layer in self.layers:
-            tokens = layer(tokens, present[:, None, None, :])
-        absent = mask[:, :, None] < 0.5
-        best = tokens[:, 1:].masked_fill(absent, -torch.inf).amax(dim=1)
-        best = best.masked_fill(absent.all(dim=1), 0.0)
-        return torch.cat([tokens[:, 0], best, own, *_others(observation)], dim=1)
-
-
-class _Layer(nn.Module):
-    def __init__(self, width: int, heads: int) -> None:
-        super().__init__()
-        self._heads = heads
-        self.before = nn.LayerNorm(width)
-        self.asked = nn.Linear(width, 3 * width)
-        self.answered = nn.Linear(width, width)
-        wider = nn.Linear(width, 2 * width)
-        self.then = nn.Sequential(
-            nn.LayerNorm(width), wider, nn.SiLU(), nn.Linear(2 * width, width)
-        )
-
-    def forward(self, tokens: Tensor, present: Tensor) -> Tensor:
-        number, count, width = tokens.shape
-        asked = self.asked(self.before(tokens)).view(number, count, 3, self._heads, -1)
-        query, key, value = asked.permute(2, 0, 3, 1, 4)
-        found = functional.scaled_dot_product_attention(query, key, value, attn_mask=present)
-        tokens = tokens + self.answered(found.transpose(1, 2).reshape(number, count, width))
-        after: Tensor = tokens + self.then(tokens)
-        return after
 
 
 def _others_of(space: spaces.Dict) -> int:

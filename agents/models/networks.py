@@ -9,22 +9,19 @@ from sb3_contrib.tqc.policies import MultiInputPolicy as TQCPolicy
 from stable_baselines3.common.policies import BasePolicy, MultiInputActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.sac.policies import MultiInputPolicy as SACPolicy
-from stable_baselines3.td3.policies import MultiInputPolicy as TD3Policy
 from torch import nn
 
 from agents.models.architecture import MIXTURE, ON_POLICY, PLAIN, SETS
-from agents.models.extractors import Attention, DeepSets, Plain
+from agents.models.extractors import DeepSets, Plain
 from agents.models.mixture import MixturePolicy
 
-_FEATURES: dict[str, type[BaseFeaturesExtractor]]
-_FEATURES = {PLAIN: Plain, SETS: DeepSets, "attention": Attention}
+_FEATURES: dict[str, type[BaseFeaturesExtractor]] = {PLAIN: Plain, SETS: DeepSets}
 POLICIES = (*_FEATURES, *(f"{name}{MIXTURE}" for name in _FEATURES))
 """Names of policies."""
 
 _CLASSES: dict[str, type[BasePolicy]] = {
     **dict.fromkeys(ON_POLICY, MultiInputActorCriticPolicy),
     "sac": SACPolicy,
-    "td3": TD3Policy,
     "tqc": TQCPolicy,
 }
 _ACTIVATIONS: dict[str, type[nn.Module]] = {

@@ -137,7 +137,7 @@ class Algorithm:
 _OFF_POLICY = frozenset(
     {
         *("learning_rate", "buffer_size", "learning_starts", "batch_size", "tau", "gamma"),
-        *("train_freq", "gradient_steps", "noise_type", "noise_std"),
+        *("train_freq", "gradient_steps", "ent_coef", "target_update_interval", "target_entropy"),
     }
 )
 _ON_POLICY = frozenset(
@@ -147,18 +147,12 @@ _ON_POLICY = frozenset(
         *("max_grad_norm", "target_kl", "critic_alone", "last_std"),
     }
 )
-_SOFT = _OFF_POLICY | {"ent_coef", "target_update_interval", "target_entropy"}
 _SB3, _IMITATION = "agents.training.sb3", "agents.training.imitation.trainer"
 _OPTIONS = frozenset(option.name for option in fields(ImitationOptions))
 ALGORITHMS: Mapping[str, Algorithm] = {
     "ppo": Algorithm(module=_SB3, keys=_ON_POLICY),
-    "sac": Algorithm(module=_SB3, keys=_SOFT, demos=True),
-    "td3": Algorithm(
-        module=_SB3,
-        keys=_OFF_POLICY | {"policy_delay", "target_policy_noise", "target_noise_clip"},
-        demos=True,
-    ),
-    "tqc": Algorithm(module=_SB3, keys=_SOFT | {"top_quantiles_to_drop_per_net"}, demos=True),
+    "sac": Algorithm(module=_SB3, keys=_OFF_POLICY, demos=True),
+    "tqc": Algorithm(module=_SB3, keys=_OFF_POLICY | {"top_quantiles_to_drop_per_net"}, demos=True),
     "bc": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
     "dagger": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
 }

@@ -1,4 +1,4 @@
-"""Reinforcement learning by Stable-Baselines3: PPO, SAC, TD3 and TQC."""
+"""Reinforcement learning by Stable-Baselines3: PPO, SAC and TQC."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import numba
 import numpy as np
 import torch
 from sb3_contrib import TQC
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
-from stable_baselines3.common.noise import NormalActionNoise, OrnsteinUhlenbeckActionNoise
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.demonstrations import reading
@@ -43,8 +42,7 @@ _ENDLESS = 10**15
 """Limit of steps if only time is limited."""
 _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
 """Logging interval of the library, which counts rollouts on policy and episodes off policy."""
-_LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3, "tqc": TQC}
-_NOISES = {"normal": NormalActionNoise, "ornstein-uhlenbeck": OrnsteinUhlenbeckActionNoise}
+_LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC}
 _CRITIC_ALONE, _LAST_STD = "critic_alone", "last_std"
 """Keys of PPO that its library does not have: steps in which only the critic is trained, and the
 standard deviation of the actions' noise at the end, to which it decreases by the same factor in
@@ -141,8 +139,6 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
         for key, value in run.hyperparameters.learner.items()
         if key not in (_CRITIC_ALONE, _LAST_STD)
     }
-    if (noise := _noise(arguments)) is not None:
-        arguments["action_noise"] = noise
     if isinstance(unit := arguments.get("train_freq"), list):
         arguments["train_freq"] = tuple(unit)
     try:
@@ -157,23 +153,6 @@ def _learner(run: Run, card: ModelCard, budget: TrainingBudget) -> BaseAlgorithm
     except (ValueError, TypeError, AssertionError, ZeroDivisionError, RuntimeError) as error:
         why = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"{run.algorithm} refuses these hyperparameters: {why}") from None
-
-
-def _noise(arguments: dict[str, Any]) -> Any:
-    """Remove `noise_type` and `noise_std` from the arguments and make the noise they describe.
-
-    Raises:
-        ValueError: an unknown type, or only one of the two.
-    """
-    kind, std = arguments.pop("noise_type", None), arguments.pop("noise_std", None)
-    if kind is None and std is None:
-        return None
-    if kind not in _NOISES or not isinstance(std, (int, float)):
-        raise ValueError(
-            f"noise_type is one of {', '.join(_NOISES)} and noise_std a number, got {kind!r} and "
-            f"{std!r}"
-        )
-    return _NOISES[kind](np.zeros(4), np.full(4, float(std)))
 
 
 def _learn(run: Run, model: BaseAlgorithm, record: TrainingRecord, budget: TrainingBudget) -> None:

@@ -25,6 +25,7 @@ _IGNORED = frozenset(
         *("normalize", "frame_stack", "env_wrapper", "vec_env_wrapper", "callback"),
         *("monitor_kwargs", "replay_buffer_class", "replay_buffer_kwargs"),
         *("optimize_memory_usage", "use_sde", "use_sde_at_warmup", "sde_sample_freq"),
+        *("noise_type", "noise_std"),
     }
 )
 """Keys of the Zoo that `ferguson train` cannot honour."""

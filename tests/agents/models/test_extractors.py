@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 import torch
 from gymnasium import spaces
 
-from agents.models.extractors import Attention, DeepSets, Plain
+from agents.models.extractors import DeepSets, Plain
 from ferguson_gym.simulation.observe import observe
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.spaces import observation_space
@@ -20,7 +20,6 @@ from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State
 
-SETS = (DeepSets, Attention)
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 6}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 BOTH: dict[str, Any] = {"observation": "both", "nearest": 4, "rays": 7}
@@ -54,7 +53,7 @@ def made(kind: Any, arguments: dict[str, Any]) -> Any:
     ("kind", "arguments"),
     [
         *((Plain, arguments) for arguments in (DISCS, RAYS, BOTH, WAY)),
-        *((kind, arguments) for kind in SETS for arguments in (DISCS, BOTH, WAY)),
+        *((DeepSets, arguments) for arguments in (DISCS, BOTH, WAY)),
     ],
 )
 @pytest.mark.parametrize("spec", ["dense/train:0", "traps/train:1", "none"])
@@ -84,20 +83,18 @@ def shuffled(seen: dict[str, Any]) -> dict[str, Any]:
     return {**seen, "mask": seen["mask"][:, order], "obstacles": rows[:, order].flatten(1)}
 
 
-@pytest.mark.parametrize("kind", SETS)
 @pytest.mark.parametrize("arguments", [DISCS, BOTH])
-def test_the_order_of_obstacles_does_not_matter(kind: Any, arguments: dict[str, Any]) -> None:
+def test_the_order_of_obstacles_does_not_matter(arguments: dict[str, Any]) -> None:
     arguments = {**arguments, "view": NEAR}
-    net, seen = made(kind, arguments), seen_in(get_field("standard/train:0"), arguments)
+    net, seen = made(DeepSets, arguments), seen_in(get_field("standard/train:0"), arguments)
     assert 0.0 < float(seen["mask"].mean()) < 1.0
     with torch.no_grad():
         torch.testing.assert_close(net(shuffled(seen)), net(seen), atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", SETS)
-def test_values_in_padding_rows_do_not_matter(kind: Any) -> None:
+def test_values_in_padding_rows_do_not_matter() -> None:
     near = {**BOTH, "view": NEAR}
-    net, seen = made(kind, near), seen_in(get_field("standard/train:0"), near)
+    net, seen = made(DeepSets, near), seen_in(get_field("standard/train:0"), near)
     padding = (seen["mask"] < 0.5).repeat_interleave(4, dim=1)
     assert padding.any()
     litter = torch.where(padding, torch.rand_like(seen["obstacles"]), seen["obstacles"])
@@ -106,9 +103,8 @@ def test_values_in_padding_rows_do_not_matter(kind: Any) -> None:
         torch.testing.assert_close(found, net(seen), atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", SETS)
-def test_the_number_of_padding_rows_does_not_matter(kind: Any) -> None:
-    net, wider = made(kind, DISCS), made(kind, {**DISCS, "nearest": 11})
+def test_the_number_of_padding_rows_does_not_matter() -> None:
+    net, wider = made(DeepSets, DISCS), made(DeepSets, {**DISCS, "nearest": 11})
     wider.load_state_dict(net.state_dict())
     seen = seen_in(get_field("dense/train:0"), DISCS)
     assert (seen["mask"].sum(dim=1) == 6.0).any()  # some observations have no padding
@@ -121,9 +117,8 @@ def test_the_number_of_padding_rows_does_not_matter(kind: Any) -> None:
         torch.testing.assert_close(wider(more), net(seen), atol=1e-5, rtol=1e-5)
 
 
-@pytest.mark.parametrize("kind", SETS)
-def test_each_obstacle_matters(kind: Any) -> None:
-    net, seen = made(kind, DISCS), seen_in(get_field("dense/train:0"), DISCS)
+def test_each_obstacle_matters() -> None:
+    net, seen = made(DeepSets, DISCS), seen_in(get_field("dense/train:0"), DISCS)
     with torch.no_grad():
         before = net(seen)
         for k in range(6):
@@ -134,17 +129,11 @@ def test_each_obstacle_matters(kind: Any) -> None:
             assert (moved[seen["mask"][:, k] < 0.5] == 0.0).all()
 
 
-@pytest.mark.parametrize("kind", SETS)
-def test_a_policy_over_obstacles_refuses_rays_alone(kind: Any) -> None:
+def test_a_policy_over_obstacles_refuses_rays_alone() -> None:
     with pytest.raises(
         ValueError, match=r"this policy needs obstacles in the observation: .*, not rays"
     ):
-        made(kind, RAYS)
-
-
-def test_heads_must_share_the_width() -> None:
-    with pytest.raises(ValueError, match="width must be a multiple of heads, got 30 and 4"):
-        Attention(space_of(DISCS), width=30)
+        made(DeepSets, RAYS)
 
 
 def test_points_of_the_way_are_shown_in_multiples_of_their_distance() -> None:

@@ -23,7 +23,7 @@ from ferguson_gym import ENVIRONMENT_ID
 from tests.support.places import ROOT
 from tests.support.small_models import learned
 
-OF_THE_ZOO = {"n_envs", "n_timesteps", "env_kwargs", "noise_type", "noise_std"}
+OF_THE_ZOO = {"n_envs", "n_timesteps", "env_kwargs"}
 """Keys that the Zoo takes for itself; the others go to the algorithm."""
 PPO_OF_THE_ZOO = """
 default:
@@ -87,10 +87,17 @@ def test_keys_that_are_off_are_not_mentioned(tmp_path: Path) -> None:
 
 
 def test_an_environment_that_is_not_listed_has_the_defaults(tmp_path: Path) -> None:
-    text = "default: {n_timesteps: 1e6, policy: MlpPolicy, noise_type: normal, noise_std: 0.1}"
-    found = read(file_of(tmp_path, text), ALGORITHMS["td3"].keys)
+    text = "default: {n_timesteps: 1e6, policy: MlpPolicy, tau: 0.02}"
+    found = read(file_of(tmp_path, text), ALGORITHMS["sac"].keys)
     assert found.n_timesteps == 1_000_000
-    assert found.learner == {"noise_type": "normal", "noise_std": 0.1}
+    assert found.learner == {"tau": 0.02}
+
+
+def test_noise_that_the_zoo_adds_to_actions_is_ignored_and_named(tmp_path: Path) -> None:
+    text = "default: {n_timesteps: 100, policy: MlpPolicy, noise_type: normal, noise_std: 0.1}"
+    with pytest.warns(UserWarning, match=r"ignored the RL Zoo's noise_std, noise_type: "):
+        found = read(file_of(tmp_path, text), ALGORITHMS["sac"].keys)
+    assert found.learner == {}
 
 
 @pytest.mark.parametrize(
@@ -134,7 +141,7 @@ def test_a_run_observes_what_the_model_observes_that_it_starts_from(tmp_path: Pa
     assert card_for(run, start).environment == {**seen, "progress": "way"}
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "tqc"])
 def test_what_the_zoo_reads_of_our_files_builds_the_algorithm(algorithm: str) -> None:
     content = yaml.safe_load((SHIPPED / f"{algorithm}.yml").read_text())
     given: dict[str, Any] = content[ENVIRONMENT_ID]
