@@ -44,7 +44,7 @@ def check_changeable(name: str, env: object) -> None:
     """Refuse attributes that are fixed when an environment is made.
 
     Raises:
-        AttributeError: an argument that shapes observations, or no argument.
+        AttributeError: an argument that shapes what is returned, or no argument.
     """
     if name not in CHANGEABLE:
         raise AttributeError(

@@ -116,7 +116,8 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     limit of segments) and 0.107 (15 m straight to the goal).
 
     With `progress="way"`, progress and D are measured along the way that keeps `margin`, which is
-    global knowledge, too; in a field without a path to the goal they remain straight.
+    global knowledge, too; in a field without a path to the goal they remain straight. From within a
+    margin, progress can exceed a segment's length, but its sum cannot exceed D.
 
     ## Training
     With the defaults of most libraries nothing is learned. Begin with a discount of 0.9, since a
@@ -177,8 +178,8 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     - `env.reset(options={"obstacles": 20})`, with the reset itself.
 
     Vector environments have `set_attr` and `set_arguments`, those of Stable-Baselines3 `set_attr`
-    and `env_method("set_arguments", obstacles=20)`. Other arguments shape observations and are
-    fixed.
+    and `env_method("set_arguments", obstacles=20)`. Other arguments shape observations, rewards
+    or infos and are fixed.
 
     ## Copies
     `copy.deepcopy` and `pickle` make copies that go on exactly as the original, with the same

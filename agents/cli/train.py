@@ -54,7 +54,7 @@ def add_to(train: Parser) -> None:
         type=positive,
         metavar="N",
         help="limit of training, in segments flown (bc: training samples, dagger: states "
-        "labelled by the expert)",
+        "visited in rollouts)",
     )
     train.add_argument(
         "--minutes",

@@ -7,6 +7,7 @@ its network observes, the way that it is shown, and the rollouts that it simulat
 
 from __future__ import annotations
 
+import itertools
 from typing import ClassVar
 
 import numpy as np
@@ -41,15 +42,16 @@ class SensingPolicy:
         check_range(self._reach, field)
         self._field, self._seed = field, seed
         self._known: Field | None = None
-        self._last: transition.State | None = None
-        self._flown = np.empty((0, 4, 2))
+        self._states: list[transition.State] = []
 
     def act(self, observation: Observation, vehicle: transition.State) -> Action | None:
         """The next action, chosen among known obstacles."""
-        if self._last is not None and self._last.segments < vehicle.segments:
-            self._flown = np.concatenate([self._flown, _between(self._last, vehicle)[None]])
-        self._last = vehicle
-        known = known_field(self._field, State(vehicle, flown=self._flown), self._reach)
+        # a shield may have asked in a state ahead that the flight did not come to
+        self._states = [one for one in self._states if one.segments < vehicle.segments]
+        self._states.append(vehicle)
+        flown = [_between(*pair) for pair in itertools.pairwise(self._states)]
+        state = State(vehicle, flown=np.array(flown).reshape(-1, 4, 2))
+        known = known_field(self._field, state, self._reach)
         if known is not self._known:
             self._known = known
             self._policy.begin(known, self._seed)

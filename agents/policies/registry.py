@@ -26,6 +26,11 @@ def make_planner(spec: PolicySpec) -> Planner:
     planner = spec.planner.make()
     if spec.start_from is None:
         return planner
+    if spec.start_from.sensing is not None:
+        raise ValueError(
+            f"planner {str(spec)!r}: the flights that it starts from are imagined, and nothing is "
+            "sensed in them; leave +sensing out behind +from="
+        )
     return starting_from(planner, PolicyProposer(_make(spec.start_from)), str(spec.planner))
 
 
@@ -63,7 +68,6 @@ def _agent(spec: PolicySpec) -> Policy:
     from agents.policies.lookahead import LookaheadPolicy
     from agents.policies.network_policy import network_policy
 
-    policy: Policy = network_policy(directory)
-    if spec.tries is not None:
-        policy = LookaheadPolicy(network_policy(directory), spec.tries)
+    agent = network_policy(directory)
+    policy = agent if spec.tries is None else LookaheadPolicy(agent, spec.tries)
     return policy if spec.sensing is None else SensingPolicy(policy, spec.sensing)

@@ -42,7 +42,7 @@ class Run:
     steps: int | None = None
     """Limit of steps; None: no limit if time is limited, else `n_timesteps`.
 
-    A step is a training sample of `bc`, a state that the expert labelled of `dagger`, and a flown
+    A step is a training sample of `bc`, a state that was visited of `dagger`, and a flown
     segment of the other algorithms.
     """
     minutes: float | None = None

@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 
 from agents.demonstrations import reading
 from agents.models import networks, torch_model
-from agents.models.architecture import ON_POLICY
+from agents.models.architecture import MIXTURE, ON_POLICY
 from agents.models.model_card import ModelCard, check_environment
 from agents.models.torch_model import TorchModel
 from agents.runtime.interrupts import Interrupt, defer_interrupt
@@ -45,8 +45,9 @@ _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
 _LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC}
 _CRITIC_ALONE, _LAST_STD = "critic_alone", "last_std"
 """Keys of PPO that its library does not have: steps in which only the critic is trained, and the
-standard deviation of the actions' noise at the end, to which it decreases by the same factor in
-every step. A noise that is learned stays so large that flights collide because of it alone."""
+standard deviation of the actions' noise at the end, to which it decreases from that of
+`log_std_init` by the same factor in every step. A noise that is learned stays so large that flights
+collide because of it alone."""
 _CRITIC = ("mlp_extractor.value_net", "value_net")
 
 
@@ -62,6 +63,7 @@ def prepare(run: Run) -> Job:
     counts = None if checkpoint is None else training_checkpoint.counts_of(checkpoint)
     steps, seconds = (0, 0.0) if counts is None else (counts.steps, counts.seconds)
     budget = TrainingBudget(run.most_steps, run.minutes, steps, seconds)
+    _check_noise(run, card)
     numba.set_num_threads(min(run.threads, numba.get_num_threads()))
     torch.set_num_threads(run.threads)  # after Numba has started its threads and set OpenMP's
     model = _learner(run, card, budget)
@@ -89,6 +91,16 @@ def prepare(run: Run) -> Job:
         return DONE
 
     return job
+
+
+def _check_noise(run: Run, card: ModelCard) -> None:
+    last = run.hyperparameters.learner.get(_LAST_STD)
+    if last is None:
+        return
+    if isinstance(last, bool) or not isinstance(last, (int, float)) or not 0.0 < last <= 1.0:
+        raise ValueError(f"{_LAST_STD} must lie between 0 and 1, got {last!r}")
+    if card.policy.endswith(MIXTURE):
+        raise ValueError(f"{card.policy} learns its noise in each state: leave {_LAST_STD} out")
 
 
 def starting_model(run: Run) -> TorchModel:

@@ -42,7 +42,7 @@ CHANGEABLE = (
     *("suite", "split", "fields", "obstacles", "radii"),
     *("gate", "segments", "detour", "failure"),
 )
-"""Arguments that may change between flights: all but those that shape observations."""
+"""Arguments that may change between flights: all but those that shape what is returned."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

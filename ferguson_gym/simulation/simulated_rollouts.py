@@ -44,7 +44,7 @@ class SimulatedRollouts:
 
     Raises:
         TypeError: obstacles other than discs.
-        ValueError: a field that is not planar.
+        ValueError: a field that is not planar, or a state that has no segments left.
     """
 
     def __init__(
@@ -71,6 +71,9 @@ class SimulatedRollouts:
         flights["derivative"] = [vehicle.derivative for vehicle in vehicles]
         flights["segments"] = [vehicle.segments for vehicle in vehicles]
         flights["outcome"], flights["clearance"] = _FLYING, np.inf
+        if (spent := flights["segments"] >= flights["most"]).any():
+            number = int(flights["segments"][spent][0])
+            raise ValueError(f"a rollout cannot begin after {number} segments: none are left")
         self._counters = new_counters()
         self.ways = Ways(settings, len(vehicles), self._field_in)
         """The ways of the fields."""
@@ -99,7 +102,7 @@ class SimulatedRollouts:
         return self._buffers
 
     def observed(self, settings: Settings) -> Observation:
-        """Observations (n, size) of the active rollouts in other settings without a way."""
+        """Observations (n, size) of the active rollouts in other settings, of the same margin."""
         buffers = self._made(settings, len(self.active), self._buffers.fields)
         buffers.flights[:] = self._buffers.flights
         self._observe(buffers)
@@ -117,7 +120,7 @@ class SimulatedRollouts:
 
     @property
     def lengths(self) -> Array:
-        """Path lengths (n,) [m], from the common state on."""
+        """Path lengths (n,) [m], from the first states on."""
         return self._buffers.flights["path_length"]
 
     @property

@@ -31,7 +31,7 @@ _UNKNOWN, _NONE = -2, -1
 """Instead of the number of a slot's tree: not made yet, and none among so many discs."""
 _UNUSED = 64
 """Trees of fields that are flown no more, which are kept beside as many as are in use."""
-GOAL_REACHED = Outcome.GOAL_REACHED.code
+_GOAL_REACHED = Outcome.GOAL_REACHED.code
 
 
 def distances_along(layout: Layout) -> Array:
@@ -265,6 +265,6 @@ def _reward_along(
     for i in which:
         length = after[i].path_length - before[i].path_length
         reward = segment_reward(old[i], new[i], length, whole[i], before[i].detour)
-        if after[i].outcome not in (FLYING, GOAL_REACHED):
+        if after[i].outcome not in (FLYING, _GOAL_REACHED):
             reward -= before[i].failure
         reports[i].reward = reward

@@ -40,13 +40,14 @@ Expert: TypeAlias = Callable[[SimulatedRollouts], tuple[Action, NDArray[np.bool_
 _HEADING_STD = 0.7
 """Standard deviation [rad] of a random state's heading around that of the shortest path."""
 _SPEED_MEDIAN, _SPEED_STD = 7.0, 0.2
-"""Median of a random state's speed [m per unit t], and standard deviation of its logarithm."""
+"""Median of a random state's speed [units of the field per unit t], and standard deviation of its
+logarithm."""
 _NEAR = 3
 """States marked as near a refused segment: the one where it was refused, and the two before."""
 _NOISE = 0.03
 """Standard deviation of the perturbations of an expert's action that is flown."""
 _STRIDE = 7.0
-"""Length of the segments that a random state is assumed to have flown [m]."""
+"""Length of the segments that a random state is assumed to have flown [units of the field]."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +83,7 @@ class Rollouts:
     steps: int
     """States visited."""
     refused: int
-    """Segments of the learner that were refused; the expert's were flown in their place."""
+    """Segments that were refused; where the expert has one, it was flown in their place."""
 
 
 def collect(request: RolloutRequest) -> Rollouts:
@@ -107,9 +108,7 @@ def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> R
     ]
     flights = SimulatedRollouts(fields, np.arange(len(fields)), vehicles, settings)
     label = _expert(request.expert, fields)
-    rows: list[Array] = []
-    columns: list[Columns] = []
-    steps = refusals = 0
+    rows, columns, labelled = list[Array](), list[Columns](), list[NDArray[np.bool_]]()
     while len(flights.active):
         labels, known = label(flights)
         actions = act(flights.observations)
@@ -118,49 +117,55 @@ def _collect(request: RolloutRequest, act: Callable[[Observation], Action]) -> R
             perturbed = np.clip(labels + noise, -1.0, 1.0).astype(np.float32)
             actions = np.where(known[:, None], perturbed, actions)
         before = flights.buffers.flights.copy()
-        own = observed(flights, labels)
-        number, active = len(before), flights.active
+        columns.append(observed(flights, labels))
+        labelled.append(known)
+        active = flights.active
         refused = flights.step_or(actions, np.where(known[:, None], labels, actions))
-        steps, refusals = steps + number, refusals + int(refused.sum())
-        states = (before[key].reshape(number, -1) for key in ("position", "derivative", "segments"))
-        row = np.hstack([seeds[active][:, None], *states, labels, refused[:, None]])
-        rows.append(row[known])
-        columns.append({key: value[known] for key, value in own.items()})
+        states = (
+            before[key].reshape(len(active), -1) for key in ("position", "derivative", "segments")
+        )
+        rows.append(np.hstack([seeds[active][:, None], *states, labels, refused[:, None]]))
         flights.keep(flights.flying)
-    return _in_order(rows, columns, steps, refusals)
+    return _in_order(np.concatenate(rows), columns, np.concatenate(labelled))
 
 
-def _in_order(
-    rows: Sequence[Array], columns: Sequence[Columns], steps: int, refused: int
-) -> Rollouts:
-    """Rollouts from the rows of each step: flight after flight, states near refusals marked."""
-    together = np.concatenate(rows)
-    order = np.argsort(together[:, 0], kind="stable")
-    together = together[order]
-    for place in np.flatnonzero(together[:, -1]):
-        near = together[max(0, place + 1 - _NEAR) : place + 1]
-        near[near[:, 0] == together[place, 0], -1] = 1.0
+def _in_order(rows: Array, columns: Sequence[Columns], labelled: NDArray[np.bool_]) -> Rollouts:
+    """Rollouts from the rows of all steps: flight after flight, states near refusals marked.
+
+    Rows without a label are left out at the end, since a refusal there marks the states before it.
+    """
+    order = np.argsort(rows[:, 0], kind="stable")
+    rows, labelled = rows[order], labelled[order]
+    places = np.flatnonzero(rows[:, -1])
+    for place in places:
+        near = rows[max(0, place + 1 - _NEAR) : place + 1]
+        near[near[:, 0] == rows[place, 0], -1] = 1.0
     return Rollouts(
-        rows=together,
-        columns={key: np.concatenate([one[key] for one in columns])[order] for key in columns[0]},
-        steps=steps,
-        refused=refused,
+        rows=rows[labelled],
+        columns={
+            key: np.concatenate([one[key] for one in columns])[order][labelled]
+            for key in columns[0]
+        },
+        steps=len(rows),
+        refused=len(places),
     )
 
 
 def random_state(field: Field, stream: np.random.Generator) -> VehicleState:
     """A random state in free space, heading roughly along the shortest path to the goal."""
-    togo = distance_to_go(field)
+    togo, stride = distance_to_go(field), _STRIDE * field.limits.unit
     while True:
         place = stream.uniform(field.bounds[0], field.bounds[1])
         distance, gradient = togo(place[None])
-        if np.isfinite(distance[0]) and distance[0] > _STRIDE:
+        if np.isfinite(distance[0]) and distance[0] > stride:
             break
     heading = -complex(*gradient[0]) * np.exp(1j * _HEADING_STD * stream.normal())
-    velocity = _SPEED_MEDIAN * np.exp(_SPEED_STD * stream.normal()) * heading
+    median = _SPEED_MEDIAN * field.limits.unit
+    velocity = median * np.exp(_SPEED_STD * stream.normal()) * heading
     whole = float(np.linalg.norm(field.goal - field.start))
-    flown = max(0, round((whole - float(distance[0])) / _STRIDE))
-    return VehicleState(place, np.array([velocity.real, velocity.imag]), flown)
+    flown = max(0, round((whole - float(distance[0])) / stride))
+    at_most = field.limits.segments - 1
+    return VehicleState(place, np.array([velocity.real, velocity.imag]), min(flown, at_most))
 
 
 @lru_cache(maxsize=2)
@@ -178,16 +183,12 @@ def _expert(name: str, fields: Sequence[Field]) -> Expert:
         states = flights.buffers.flights
         actions, known = np.zeros((len(states), 4), np.float32), np.zeros(len(states), np.bool_)
         for i, one in enumerate(states):
-            field, vehicle = (
-                fields[one["slot"]],
-                VehicleState(
-                    one["position"].copy(), one["derivative"].copy(), int(one["segments"])
-                ),
-            )
+            here, ahead = one["position"].copy(), one["derivative"].copy()
+            field, vehicle = fields[one["slot"]], VehicleState(here, ahead, int(one["segments"]))
             chain = planner.decide(field, State(vehicle), 0).chain
             if chain is not None:
                 unit, known[i] = field.limits.unit, True
-                actions[i] = encode(chain[0], vehicle.position, vehicle.derivative, unit)
+                actions[i] = encode(chain[0], here, ahead, unit)
         return actions, known
 
     return label

@@ -26,7 +26,7 @@ from ferguson_gym.simulation.settings import settings_of
 
 SHARES = 8
 """Requests that the rollouts of a round are split into, whatever the number of workers."""
-_FIELDS = 10_000_000
+MOST_FIELDS = 10_000_000
 """Number of fields reserved for each seed of a run."""
 _ROWS = "rows-{:06d}.npy"
 
@@ -95,7 +95,7 @@ class DataAggregation:
         """Seeds of the next fields, a range for each request; no seed is flown twice."""
         per_round = self._run.hyperparameters.n_envs
         before = self._options.first - 1 if self.rounds else 0
-        first = self._run.seed * _FIELDS + per_round * (self.rounds + before)
+        first = self._run.seed * MOST_FIELDS + per_round * (self.rounds + before)
         shares = SHARES * multiple
         cuts = [first + per_round * multiple * share // shares for share in range(shares + 1)]
         return [range(begin, end) for begin, end in itertools.pairwise(cuts)]

@@ -34,9 +34,9 @@ class ImitationSample(NamedTuple):
     actions: Tensor
     """(n, 4) the expert's."""
     goal: Tensor
-    """(n, 2) in the vehicle's frame [m]."""
+    """(n, 2) in the vehicle's frame [units of the field]."""
     discs: Tensor
-    """(n, K, 3) around the vehicle: centre in its frame and radius [m]."""
+    """(n, K, 3) around the vehicle: centre in its frame and radius [units of the field]."""
     present: Tensor
     """(n, K) 1 for a disc, 0 for padding."""
 

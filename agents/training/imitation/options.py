@@ -14,8 +14,8 @@ WAY_EXPERT = "way"
 class ImitationOptions:
     """Keys of `bc` and `dagger` in a file of hyperparameters, with their default values.
 
-    A round flies `n_envs` rollouts. `n_timesteps` and `eval_freq` count states that the expert
-    labelled (`dagger`) or samples in all updates (`bc`).
+    A round flies `n_envs` rollouts. `n_timesteps` and `eval_freq` count states that were
+    visited (`dagger`) or samples in all updates (`bc`).
 
     Raises:
         ValueError: a value of another type or out of its range.

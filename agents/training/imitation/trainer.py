@@ -32,7 +32,7 @@ from agents.training.checkpoint import damaged
 from agents.training.hyperparameters import slope
 from agents.training.imitation.behavior_cloning import BehaviorCloning
 from agents.training.imitation.dagger_rollouts import Rollouts
-from agents.training.imitation.data_aggregation import SHARES, DataAggregation
+from agents.training.imitation.data_aggregation import MOST_FIELDS, SHARES, DataAggregation
 from agents.training.imitation.options import WAY_EXPERT, ImitationOptions
 from agents.training.learning_curve import TrainingRecord
 from agents.training.progress import TrainingProgress, show_progress, write_progress
@@ -44,8 +44,8 @@ from ferguson_gym.world.field_names import get_fields
 from planners.interface import Replanner
 from planners.registry import make
 
-_MOST_SEED = 2**32 - 1
-"""Maximum seed of a run: seeds of fields and of the first weights follow from it."""
+_MOST_SEED = 2**53 // MOST_FIELDS - 1
+"""Maximum seed of a run: seeds of fields follow from it, which rows hold in double precision."""
 _LAST_RATE = 0.02
 """Minimum learning rate at the end of a linear schedule, as a share of the first."""
 _STATE = "state.pt"

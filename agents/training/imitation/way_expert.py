@@ -29,7 +29,8 @@ _NONE = np.empty((1, 0))
 def label(rollouts: SimulatedRollouts) -> tuple[Action, NDArray[np.bool_]]:
     """The expert's actions (n, 4) for the active rollouts, and which of them it knows (n,).
 
-    An action is known if its segment, and another one of the same stride after it, are certified.
+    An action is known if its segment is certified, and if it does not end on the goal another one
+    of the same stride after it.
     """
     buffers = rollouts.buffers
     flights, fields = buffers.flights, buffers.fields

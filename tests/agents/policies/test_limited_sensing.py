@@ -113,3 +113,23 @@ def test_planners_of_the_same_range_sense_the_same() -> None:
     fly(SensingPolicy(policy, 25.0), field)
     sensed = [len(one.known.obstacles) for one in plan.decisions if one.known is not None]
     assert policy.known == sorted(set(sensed))
+
+
+def test_states_that_a_flight_did_not_come_to_are_forgotten() -> None:
+    field = get_field("standard/validation:4")
+    states = [State(np.array([0.0, 8.0 * k]), np.array([0.0, 8.0]), k) for k in range(3)]
+    aside = State(np.array([70.0, 70.0]), np.array([8.0, 0.0]), 1)  # imagined, say by a shield
+    found = []
+    for visited in ([states[0], aside, *states[1:]], states):
+        watched = Watched()
+        policy = SensingPolicy(watched, 20.0)
+        policy.begin(field, 0)
+        for state in visited:
+            policy.act({}, state)
+        found.append(watched.fields[-1].obstacles.centers)
+    np.testing.assert_array_equal(*found)
+
+
+def test_imagined_flights_sense_nothing() -> None:
+    with pytest.raises(ValueError, match=r"nothing is sensed in them; leave \+sensing out"):
+        make_policy(f"multi-start+from={AGENT}+sensing=20")

@@ -28,6 +28,29 @@ RECIPE: dict[str, Any] = {
 }
 
 
+def line(directory: Path, **changes: Any) -> list[str]:
+    config = directory / "config.yml"
+    config.write_text(yaml.safe_dump({ENVIRONMENT_ID: RECIPE | changes}))
+    where = ["--config", str(config), "--out", str(directory / "out")]
+    chosen = ["--choose-on", "sparse/validation:0", "--report-on", "sparse/validation:1"]
+    return ["train", "ppo", *where, *chosen]
+
+
+@pytest.mark.parametrize("last", [0, -0.1, 2.0, True, "lin_0.1"])
+def test_impossible_noise_is_refused(
+    last: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line(tmp_path, last_std=last)) == 2
+    assert f"last_std must lie between 0 and 1, got {last!r}" in capsys.readouterr().err
+
+
+def test_a_mixture_s_noise_has_no_schedule(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(line(tmp_path, policy="mlp-mixture")) == 2
+    assert "mlp-mixture learns its noise in each state" in capsys.readouterr().err
+
+
 def test_the_noise_falls_by_the_same_factor_in_every_rollout(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -39,10 +62,7 @@ def test_the_noise_falls_by_the_same_factor_in_every_rollout(
         train(model)
 
     monkeypatch.setattr(PPO, "train", watched)
-    (tmp_path / "config.yml").write_text(yaml.safe_dump({ENVIRONMENT_ID: RECIPE}))
-    where = ["--config", str(tmp_path / "config.yml"), "--out", str(tmp_path / "out")]
-    chosen = ["--choose-on", "sparse/validation:0", "--report-on", "sparse/validation:1"]
-    assert main(["train", "ppo", *where, *chosen]) == 0
+    assert main(line(tmp_path)) == 0
     assert len(noises) == 12
     for rollout, noise in enumerate(noises):
         done = rollout / 12

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from ferguson_gym import ObstacleField
 from ferguson_gym.simulation import Settings, SimulatedRollouts, observe
@@ -79,3 +80,9 @@ def test_another_action_is_flown_where_the_first_is_refused() -> None:
     for key, rows in alone.observations.items():
         np.testing.assert_array_equal(rollouts.observations[key], rows)
     np.testing.assert_array_equal(rollouts.positions[2], FIELDS[0].start)
+
+
+def test_a_state_without_segments_left_is_refused() -> None:
+    late = State(FIELDS[0].start, FIELDS[0].start_derivative, 40)
+    with pytest.raises(ValueError, match="cannot begin after 40 segments: none are left"):
+        SimulatedRollouts(FIELDS[:1], [0], [late], Settings(**VIEW))

@@ -27,6 +27,7 @@ from ferguson_gym.world.transition import State
 from planners import interface
 from planners.interface import Decision, Replanner
 from planners.registry import make
+from tests.support.scaled_fields import Motion
 
 CARD = ModelCard(
     algorithm="dagger",
@@ -196,6 +197,40 @@ def test_random_states_are_free_inside_the_bounds_and_head_for_the_goal() -> Non
     assert min(towards) < 0.5  # some are astray
     # the nearer to the goal, the more is taken to have been flown
     assert np.corrcoef(np.array(flown).T)[0, 1] < -0.8
+
+
+@pytest.mark.parametrize("scale", [0.01, 50.0])
+def test_random_states_are_of_the_field_s_scale(scale: float) -> None:
+    field = get_field("standard/train:0")
+    image = Motion(scale=scale).field(field)
+    for seed in range(10):
+        one = random_state(field, np.random.default_rng(seed))
+        other = random_state(image, np.random.default_rng(seed))
+        np.testing.assert_allclose(other.position, scale * one.position, rtol=1e-6, atol=1e-9)
+        np.testing.assert_allclose(other.derivative, scale * one.derivative, rtol=1e-6)
+        assert other.segments == one.segments < field.limits.segments
+
+
+def test_a_refusal_without_a_label_marks_the_states_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    short = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
+    ahead = np.zeros(4, np.float32)
+
+    def knows_the_first(flights: Any) -> tuple[np.ndarray, np.ndarray]:
+        number = len(flights.active)
+        return np.tile(ahead, (number, 1)), flights.buffers.flights["segments"] == 0
+
+    monkeypatch.setattr("agents.training.imitation.way_expert.label", knows_the_first)
+    flown = [ahead, short]
+
+    def act(self: Any, seen: Any) -> np.ndarray:
+        return np.tile(flown.pop(0), (len(seen["goal"]), 1))
+
+    monkeypatch.setattr(CompiledNetwork, "act", act)
+    found = collect(request(scattered=0.0, seeds=range(30, 31), expert="way"))
+    assert (found.steps, found.refused) == (2, 1)
+    assert found.rows[:, 10].tolist() == [1.0]
 
 
 CARD_SETTINGS = settings_of(CARD.environment)

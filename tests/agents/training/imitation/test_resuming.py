@@ -76,6 +76,9 @@ PRESSES: dict[str, Callable[[pytest.MonkeyPatch], None]] = {
 }
 
 
+PLAIN = {"policy_kwargs": {"net_arch": [8], "components": 2}}
+
+
 @pytest.fixture(scope="module")
 def whole() -> list[Any]:
     """Weights and curve of an uninterrupted training, empty until it has run."""
@@ -129,6 +132,20 @@ def test_a_training_whose_workers_always_die_says_so_and_resumes(
     assert capsys.readouterr().err == "ferguson: workers died\n"
     assert not (tmp_path / "out/model.zip").exists()
     assert main(command("dagger")) == 0
+    assert curve_of(tmp_path / "out") == whole[1]
+    assert same(weights_of(tmp_path / "out"), whole[0])
+
+
+def test_a_training_with_the_way_resumes_as_well(command: Command, tmp_path: Path) -> None:
+    shown = {"suite": "sparse", "observation": "rays", "rays": 5, "way": 3}
+    line = command("dagger", expert="way", policy="mlp-mixture", env_kwargs=shown, **PLAIN)
+    assert main(line) == 0
+    whole = weights_of(tmp_path / "out"), curve_of(tmp_path / "out")
+    shutil.rmtree(tmp_path / "out")
+    with pytest.MonkeyPatch.context() as patch:
+        press_in_update(patch, 7)
+        assert main(line) == 130
+    assert main(line) == 0
     assert curve_of(tmp_path / "out") == whole[1]
     assert same(weights_of(tmp_path / "out"), whole[0])
 

@@ -45,6 +45,7 @@ def test_it_decides_as_pursuit_with_the_same_margin_does() -> None:
     flights = rollouts(names)
     for _ in range(8):
         actions, known = label(flights)
+        assert known.all()
         for i, one in enumerate(flights.buffers.flights[known]):
             field = get_field(names[one["slot"]])
             vehicle = State(one["position"].copy(), one["derivative"].copy(), int(one["segments"]))
