@@ -27,7 +27,8 @@ model.zip, model.json, curve.csv and logs for TensorBoard. After an interruption
 resumes. To install the libraries: {installing("agents")}"""
 EPILOG = """\
 examples:
-  ferguson train dagger --minutes 35 --workers 2 --out runs/dagger
+  ferguson train dagger --config dagger-way --minutes 28 --workers 2 \\
+      --out runs/dagger-way
   ferguson train ppo --from runs/dagger --config ppo-refining \\
       --minutes 36 --out runs/refined
   ferguson train ppo --fields forest/train:0-9999 --out runs/forest
@@ -84,10 +85,10 @@ def add_to(train: Parser) -> None:
         required=False,
     )
     for option, default, what in (
-        ("--choose-on", CHOSEN_ON, "best model is selected"),
-        ("--report-on", REPORTED_ON, "selected model is evaluated"),
+        ("--choose-on", None, f"best model is selected; default: {CHOSEN_ON}"),
+        ("--report-on", REPORTED_ON, f"selected model is evaluated; default: {REPORTED_ON}"),
     ):
-        text = f"fields on which the {what}; default: %(default)s"
+        text = f"fields, separated by commas, on which the {what}"
         train.add_argument(option, default=default, metavar="SPEC", help=text, complete=FIELDS)
     shared.add_workers(train, "number of worker processes, used by dagger")
     train.add_argument(
@@ -119,9 +120,10 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         able = ", ".join(one for one, kind in ALGORITHMS.items() if kind.demos)
         raise ValueError(f"{name} cannot use --demos; {able} can")
     start = None if options.start is None else _initial_model(options)
-    check_number([options.choose_on], MOST)
-    check_number([options.report_on], MOST)
     hyperparameters = read(options.config or name, algorithm.keys)
+    chosen_on = options.choose_on or ",".join(hyperparameters.choose_on) or CHOSEN_ON
+    for spec in (chosen_on, options.report_on):
+        check_number(spec.split(","), MOST)
     run = Run(
         algorithm=name,
         directory=options.out,
@@ -132,7 +134,7 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
         start=start,
         demos=options.demos,
         fields=tuple(options.fields or hyperparameters.fields),
-        chosen_on=options.choose_on,
+        chosen_on=chosen_on,
         reported_on=options.report_on,
         workers=options.workers,
         threads=options.threads,

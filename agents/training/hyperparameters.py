@@ -19,7 +19,9 @@ from agents.training import zoo_files
 
 SHIPPED = Path(__file__).parent / "configs"
 """Directory of the shipped files; `ALGORITHM.yml` is the default of each algorithm."""
-_COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs", "fields")
+_COMMON = ("n_envs", "n_timesteps", "eval_freq", "policy", "policy_kwargs", "env_kwargs")
+_FIELDS = ("fields", "choose_on")
+"""Keys that name fields."""
 _LINEAR = "lin_"
 _EVALUATIONS = 50
 """Number of evaluations where a file has no `eval_freq`, as those of the RL Zoo."""
@@ -50,6 +52,8 @@ class Hyperparameters:
     """The algorithm's own arguments: numbers, words, or `lin_X`."""
     fields: tuple[str, ...] = ()
     """Names of the fields to train on; empty: those of the environment."""
+    choose_on: tuple[str, ...] = ()
+    """Names of the fields on which the best model is chosen; empty: those of the run."""
 
 
 def read(given: str, known: Collection[str]) -> Hyperparameters:
@@ -93,10 +97,10 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
         entries = zoo_files.entries(content)
     except ValueError as error:
         raise ValueError(f"{given}: {error}") from None
-    if unknown := sorted(set(entries) - {*_COMMON, *known}):
+    if unknown := sorted(set(entries) - {*_COMMON, *_FIELDS, *known}):
         raise ValueError(
             f"{given}: unknown keys {', '.join(map(repr, unknown))}; known are "
-            f"{', '.join([*_COMMON, *sorted(known)])}"
+            f"{', '.join([*_COMMON, *_FIELDS, *sorted(known)])}"
         )
     if missing := [key for key in ("n_timesteps", "policy") if key not in entries]:
         raise ValueError(f"{given}: missing keys {', '.join(missing)}")
@@ -110,7 +114,7 @@ def read(given: str, known: Collection[str]) -> Hyperparameters:
             policy_kwargs=_mapping("policy_kwargs", entries.get("policy_kwargs")),
             env_kwargs=_mapping("env_kwargs", entries.get("env_kwargs")),
             learner={key: _plain(key, entries[key]) for key in entries if key in known},
-            fields=_names("fields", entries.get("fields", [])),
+            **{key: _names(key, entries.get(key, [])) for key in _FIELDS},
         )
     except (ValueError, RecursionError) as error:  # a list may contain itself
         raise ValueError(f"{given}: {error}") from None

@@ -20,10 +20,9 @@ from agents.runtime import provenance
 from agents.runtime.csv_files import write_csv
 from agents.runtime.interrupts import defer_interrupt
 from agents.runtime.safe_npz import reason
-from agents.training.run import Run
+from agents.training.run import Run, fields_named
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.simulation import arguments_to_save
-from ferguson_gym.world.field_names import get_fields
 
 CURVE, BEST = "curve.csv", "best"
 _COLUMNS = ("steps", "minutes", "success", "spl", "gap")
@@ -86,7 +85,7 @@ class TrainingRecord:
             seconds: time of training so far [s].
         """
         network = TorchModel(model.policy, self._card).model
-        found = score(fly_batch(network, get_fields(self._run.chosen_on)))
+        found = score(fly_batch(network, fields_named(self._run.chosen_on)))
         measures = (steps, round(seconds / 60.0, 3), found.success, found.spl, found.gap)
         self.curve.append(row := dict(zip(_COLUMNS, measures, strict=True)))
         if self.best is None or found.spl >= self.best:
@@ -104,7 +103,7 @@ class TrainingRecord:
         best = loading.load(self._best)
         with defer_interrupt(), self._run.terminal.share_bar() as bar:
             bar.add_task("evaluating the best model", total=None)
-            found = score(fly_batch(best, get_fields(self._run.reported_on)))
+            found = score(fly_batch(best, fields_named(self._run.reported_on)))
         reported = {"reported_on": _format_results(self._run.reported_on, found)}
         results = {**best.card.results, **reported}
         card = dataclasses.replace(best.card, curve=self.curve, results=results)

@@ -18,6 +18,7 @@ from agents.runtime.terminal import Terminal
 from agents.training.hyperparameters import Hyperparameters
 from agents.training.imitation.options import ImitationOptions
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.world import Field, get_fields
 
 CHOSEN_ON, REPORTED_ON = "standard/validation:0-199", "standard/validation:200-999"
 """Fields on which the best model is chosen, and fields on which it is reported."""
@@ -54,7 +55,9 @@ class Run:
     fields: tuple[str, ...] = ()
     """Fields to train on, by name, file or directory; empty: those of the environment."""
     chosen_on: str = CHOSEN_ON
+    """Fields on which the best model is chosen; names are separated by commas."""
     reported_on: str = REPORTED_ON
+    """Fields on which it is reported, likewise."""
     workers: int = 1
     """Number of worker processes; does not change the result."""
     threads: int = 1
@@ -94,11 +97,22 @@ class Run:
             "fields": list(self.fields) or None,
             "chosen_on": self.chosen_on,
             "reported_on": self.reported_on,
-            # the run's own fields are those of the hyperparameters, unless others were given
+            # fields are the run's own, those of the hyperparameters unless others were given
             "hyperparameters": {
-                key: value for key, value in asdict(self.hyperparameters).items() if key != "fields"
+                key: value
+                for key, value in asdict(self.hyperparameters).items()
+                if key not in ("fields", "choose_on")
             },
         }
+
+
+def fields_named(spec: str) -> list[Field]:
+    """The fields of names that are separated by commas.
+
+    Raises:
+        ValueError: as `ferguson_gym.world.get_fields`.
+    """
+    return [field for name in spec.split(",") for field in get_fields(name.strip())]
 
 
 class Trainer(Protocol):

@@ -31,10 +31,9 @@ from agents.training.hyperparameters import slope
 from agents.training.imitation import demonstration_data
 from agents.training.learning_curve import TrainingRecord, card_of
 from agents.training.progress import TrainingProgress, show_progress, write_progress
-from agents.training.run import Run
+from agents.training.run import Run, fields_named
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.simulation.settings import OBSERVING
-from ferguson_gym.world.field_names import get_fields
 
 CHECKPOINT_SECONDS = 300.0
 """Time between checkpoints [s]; one more is written when a training stops."""
@@ -57,7 +56,7 @@ def prepare(run: Run) -> Job:
     card = card_for(run, start)
     demos = None if run.demos is None else reading.read(run.demos)
     for spec in (run.chosen_on, run.reported_on):
-        get_fields(spec)
+        fields_named(spec)
     place = run.directory / "checkpoint"
     checkpoint = None if run.fresh else training_checkpoint.latest(place)
     counts = None if checkpoint is None else training_checkpoint.counts_of(checkpoint)

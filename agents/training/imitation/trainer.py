@@ -36,11 +36,10 @@ from agents.training.imitation.data_aggregation import MOST_FIELDS, SHARES, Data
 from agents.training.imitation.options import WAY_EXPERT, ImitationOptions
 from agents.training.learning_curve import TrainingRecord
 from agents.training.progress import TrainingProgress, show_progress, write_progress
-from agents.training.run import Run
+from agents.training.run import Run, fields_named
 from agents.training.sb3 import card_for, starting_model
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 from ferguson_gym.runtime.atomic_files import atomic_write
-from ferguson_gym.world.field_names import get_fields
 from planners.interface import Replanner
 from planners.registry import make
 
@@ -56,7 +55,7 @@ def prepare(run: Run) -> Job:
     start = None if run.start is None else starting_model(run)
     card = card_for(run, start)
     for spec in (run.chosen_on, run.reported_on):
-        get_fields(spec)
+        fields_named(spec)
     if run.algorithm == "bc" and run.demos is None:
         raise ValueError("bc learns from demonstrations: name them with --demos DATASET_ID")
     if run.algorithm == "bc" and run.fields:

@@ -86,6 +86,17 @@ def test_hyperparameters_may_name_them(tmp_path: Path) -> None:
     assert settings["fields"] == ["forest/train:3-4", str(tmp_path / "own.json")]
 
 
+def test_a_model_is_chosen_on_fields_of_several_names(tmp_path: Path) -> None:
+    several = ["sparse/validation:0-1", "forest/validation:3"]
+    given = line(tmp_path, "ppo", PPO | {"choose_on": several})
+    assert main(given) == 0  # the command line comes first
+    assert loading.load(tmp_path / "out").card.results["chosen_on"]["fields"] == given[-3]
+    without = [*given[:-4], *given[-2:], "--fresh"]
+    assert main(without) == 0
+    chosen = loading.load(tmp_path / "out").card.results["chosen_on"]
+    assert (chosen["fields"], chosen["flights"]) == (",".join(several), 3)
+
+
 def test_other_fields_are_another_training(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
