@@ -39,12 +39,12 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 
 FIELD = "standard/validation:8"
-OPTIMISER, AGENT, EXACT = "multi-start", "best", "guided"
+OPTIMISER, AGENT, EXACT = "multi-start", "dagger-ppo+tries=32", "guided"
 COLOURS = {EXACT: "#1b9e77", OPTIMISER: "#0b5fa5", AGENT: "#e07b00"}
 STEP, LATER = 4, 3
 """Segments flown where the optimiser and the agent are shown."""
 TRIES = 32
-"""Flights imagined in the picture; `best` imagines as many, from the start."""
+"""Flights imagined in the picture; the agent imagines as many, from the start."""
 SIDE, APART, TITLE, BELOW = 3.0, 0.14, 0.28, 0.76
 """Of panels: side, room between them, titles, lines below [in]."""
 SEGMENT, RAYS = drawing.SEGMENTS[0], "#d9a441"

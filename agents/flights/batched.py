@@ -17,11 +17,14 @@ from agents.flights.flight import Flight
 from agents.models import Model
 from ferguson_gym.simulation.settings import OBSERVING, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
-from ferguson_gym.world import Field, Outcome
+from ferguson_gym.world import Discs, Field, Outcome
 
 BATCH = 48
 """Flights at a time by default: few enough for the environment to step them without threads of
 its own, which would compete with the network for the processor."""
+
+
+_NOWHERE = Field(name="nowhere", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
 
 
 def fly_batch(
@@ -69,8 +72,8 @@ def _fly(model: Model, fields: Sequence[Field], num: int, name: str) -> list[Fli
             )
             flown[i] = next(waiting, -1)
         if ended.any():
-            # environments without a flight repeat the first field; the result is not used
-            next_fields = [fields[max(k, 0)] for k in flown.tolist()]
+            # environments without a flight fly where nothing is; the result is not used
+            next_fields = [fields[k] if k >= 0 else _NOWHERE for k in flown.tolist()]
             observations, _ = envs.reset(options={"reset_mask": ended, "field": next_fields})
     return [flights[k] for k in range(len(fields))]
 
