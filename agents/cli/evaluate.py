@@ -38,7 +38,8 @@ policies:
               NAME+sensing=METRES, also combined; single-start+from=POLICY and
               multi-start+from=POLICY use that policy's segments as initial
               guess
-  agents      {", ".join(shipped()) or "no shipped ones"}, or the directory of a trained one;
+  agents      {", ".join(shipped()) or "no shipped ones"},
+              or the directory of a trained one;
               AGENT+tries=N simulates N rollouts and flies the shortest;
               AGENT+sensing=METRES knows obstacles within that range only
   shield      POLICY+shield: guided decides where a segment cannot be

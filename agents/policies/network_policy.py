@@ -9,7 +9,7 @@ from pathlib import Path
 from agents.models import loading, model_card
 from agents.models.model import MODEL, Model
 from agents.runtime.kernels import small_field
-from ferguson_gym.simulation import Observation, observe
+from ferguson_gym.simulation import Observation, SimulatedRollouts, observe
 from ferguson_gym.world import Action, Field, transition
 from planners.interface import Knowledge
 
@@ -62,6 +62,8 @@ def _stamp(file: Path) -> tuple[int, int]:
 def _ready(directory: Path, *_: tuple[int, int]) -> Model:
     model = loading.load(directory)
     first = NetworkPolicy(model)  # compiles, so that the first flight is not slower
-    first.begin(small_field(), 0)
-    first.act({}, transition.initial_state(small_field()))
+    field, vehicle = small_field(), transition.initial_state(small_field())
+    first.begin(field, 0)
+    first.act({}, vehicle)
+    SimulatedRollouts([field], [0], [vehicle], model.settings)  # as batches and lookahead observe
     return model

@@ -54,7 +54,7 @@ def test_bash_accepts_the_script(script: Path) -> None:
         ),
         ("evaluate --policy best --fields standard/test : 0-9 --q", ["--quiet"]),
         ("train dag", ["dagger"]),
-        ("train ppo --from dagger-", ["dagger-ppo"]),
+        ("train ppo --from dagger-", ["dagger-ppo", "dagger-way"]),
         ("demos --observation ", ["both", "discs", "rays"]),
         ("plan paper:1 --limit s", ["segments=", "shortest=", "slowest="]),
         ("bench planners --planner rrt", ["rrt", "rrt-star"]),
