@@ -53,11 +53,32 @@ def check_changeable(name: str, env: object) -> None:
         )
 
 
-class ScalarArguments:
-    """Arguments of one environment as its attributes."""
+class _Described:
+    """Settings and spec, which environments have of one kind, scalar or vector."""
 
     _simulator: BatchSimulator
     _spec: EnvSpec | None
+
+    @property
+    def settings(self) -> Settings:
+        """The arguments of the next flight, in a vector environment those of the first one's.
+
+        They are those of the present flight unless they were changed.
+        """
+        return self._simulator.settings[0]
+
+    @property
+    def spec(self) -> EnvSpec | None:
+        """How to make the environment again; `max_episode_steps` is its number of segments."""
+        return self._spec
+
+    @spec.setter
+    def spec(self, spec: EnvSpec | None) -> None:
+        self._spec = with_steps(spec, self.settings)
+
+
+class ScalarArguments(_Described):
+    """Arguments of one environment as its attributes."""
 
     suite = Argument()
     split = Argument()
@@ -80,11 +101,6 @@ class ScalarArguments:
     failure = Argument()
     capacity = Argument()
 
-    @property
-    def settings(self) -> Settings:
-        """The arguments of the next flight; they are those of this one unless they were changed."""
-        return self._simulator.settings[0]
-
     def set_arguments(self, **arguments: Any) -> None:
         """Change arguments from the next reset on; see the class for which.
 
@@ -94,31 +110,15 @@ class ScalarArguments:
         self._simulator.change({0: self.settings.changed(arguments)})
         self.spec = self._spec
 
-    @property
-    def spec(self) -> EnvSpec | None:
-        """How to make this environment again; `max_episode_steps` is its number of segments."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = with_steps(spec, self.settings)
-
 
 PER_ENVIRONMENT = ("field", "state", "control", "refused")
 """Methods that take the number of an environment; they are attributes of a scalar one."""
 
 
-class VectorArguments:
+class VectorArguments(_Described):
     """Arguments and attributes of each of N environments, named as by `SyncVectorEnv`."""
 
     num_envs: int
-    spec: EnvSpec | None
-    _simulator: BatchSimulator
-
-    @property
-    def settings(self) -> Settings:
-        """The arguments of the first environment's next flight; `get_attr` has those of each."""
-        return self._simulator.settings[0]
 
     def set_arguments(self, indices: Iterable[int] | None = None, **arguments: Any) -> None:
         """Change arguments of environments, of all by default, from their next resets on.

@@ -32,7 +32,6 @@ from ferguson_gym.spaces import (
     as_seed,
     known_options,
     observation_space,
-    with_steps,
 )
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
@@ -145,15 +144,6 @@ class VectorObstacleField(VectorArguments, VectorEnv[Any, Action, Array]):
         self._begun = False
         self._spec: EnvSpec | None = None
         self._viewer: Any = None
-
-    @property
-    def spec(self) -> EnvSpec | None:
-        """How to make these environments again; `max_episode_steps` is the number of segments."""
-        return self._spec
-
-    @spec.setter
-    def spec(self, spec: EnvSpec | None) -> None:
-        self._spec = with_steps(spec, self.settings)
 
     @property  # type: ignore[misc]
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]

@@ -289,7 +289,9 @@ class Forest(NamedTuple):
     numbers: Array
     """`discs`, `least` and `frame`."""
     first: Integers
+    """`first` of each."""
     nodes: Records
+    """`nodes` of each."""
 
 
 @compiled

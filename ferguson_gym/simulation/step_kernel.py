@@ -61,6 +61,14 @@ def _reset_vehicle(buffers: StepBuffers, i: int) -> None:
         flight.derivative[d] = field.start_derivative[d]
 
 
+@compiled_in_place
+def limits_of(field: Any, flight: Any) -> LimitValues:
+    """Limits of a flight (FLIGHT) in a field (FIELD_RECORD); gate and segments are its own."""
+    return LimitValues(
+        field.shortest, field.longest, field.slowest, flight.gate, field.tolerance, flight.most
+    )
+
+
 @compiled
 def _distance(position: Array, goal: Array) -> float:
     x, y = goal[0] - position[0], goal[1] - position[1]
@@ -75,9 +83,7 @@ def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
     field = fields.records[slot]
     goal, position = field.goal, flight.position
     control = buffers.paths[i, flight.segments]
-    limits = LimitValues(
-        field.shortest, field.longest, field.slowest, flight.gate, field.tolerance, flight.most
-    )
+    limits = limits_of(field, flight)
     unit = limits.longest / PAPER_LONGEST
     decode_into(control, buffers.actions[i], position, flight.derivative, goal, flight.gate, unit)
     outcome, length, clearance = first_failure(

@@ -14,9 +14,10 @@ from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.simulation.field_store import FieldArrays
 from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
 from ferguson_gym.simulation.step_buffers import Records
+from ferguson_gym.simulation.step_kernel import limits_of
 from ferguson_gym.world.actions import Action, decode_into, encode_ends
 from ferguson_gym.world.feasibility import FLYING, first_failure
-from ferguson_gym.world.limits import PAPER_LONGEST, LimitValues
+from ferguson_gym.world.limits import PAPER_LONGEST
 
 STRIDES = (7.0, 5.25, 9.0, 4.0)
 """Approximate lengths of segments, tried in turn [units of the field]; a whole number of them ends
@@ -90,12 +91,10 @@ def _certify(
         flight = flights[i]
         slot = flight.slot
         field = fields.records[slot]
-        limits = LimitValues(
-            field.shortest, field.longest, field.slowest, flight.gate, field.tolerance, flight.most
-        )
-        unit = field.longest / PAPER_LONGEST
+        limits = limits_of(field, flight)
+        unit = limits.longest / PAPER_LONGEST
         position, derivative = flight.position, flight.derivative
-        decode_into(control, actions[i], position, derivative, field.goal, flight.gate, unit)
+        decode_into(control, actions[i], position, derivative, field.goal, limits.gate, unit)
         fine[i] = True
         for part in range(2 if follows[i] else 1):
             if part == 1:
