@@ -13,7 +13,6 @@ import numpy as np
 
 from ferguson_gym.curves.clearance import clearance, closest, is_clear
 from ferguson_gym.curves.splines import evaluate
-from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.paper_fields import paper_field
 
 SEGMENTS, REPEATS = 2000, 9
@@ -27,7 +26,7 @@ def main() -> None:
     slopes = stream.uniform(-12.0, 12.0, (2, SEGMENTS, 2))
     control = np.stack([start, end, *slopes], axis=1)
     discs = paper_field(1).obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     arrays = (control, discs.centers, discs.radii)
     t = np.linspace(0.0, 1.0, 30)
     questions: dict[str, Callable[[], object]] = {

@@ -26,7 +26,7 @@ from agents.plots.figure import figure_file
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import DistanceToGoal, shortest_path
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import initial_state
 from planners.whole_path.astar import AStar
 from planners.whole_path.ompl import Ompl
@@ -65,7 +65,7 @@ def _field(seed: int, centers: Array, side: float, spacing: float) -> Field:
     """Discs with radii of 0.1 to 0.3 times their spacing [m], in a square of a side [m]."""
     ends = 0.5 * side + np.array([[-50.0, -50.0], [50.0, 50.0]])
     radii = np.random.default_rng([seed, 1]).uniform(0.1, 0.3, len(centers)) * spacing
-    discs = Discs(centers, radii)
+    discs = Obstacles.discs(centers, radii)
     free = (discs.signed_distance(ends) >= 0.05 * spacing).all(axis=0)
     return Field(
         name=f"{len(centers)} discs",

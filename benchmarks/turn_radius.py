@@ -18,7 +18,6 @@ from rich.table import Table
 from ferguson_gym.shortest_paths.exact import exact_length, gap
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.interface import Plan, initial_state
 from planners.receding_horizon.guided import Guided
@@ -30,7 +29,7 @@ RADII = (None, 2.5, 3.0, 5.0)
 def blocked(field: Field, radius: float) -> bool:
     """Whether a disc ahead of the start meets both circles of a radius that leave it."""
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     ahead = field.departure / np.linalg.norm(field.departure)
     left = np.array([-ahead[1], ahead[0]])
     offset = discs.centers - field.start

@@ -27,7 +27,7 @@ from matplotlib.patches import Rectangle
 
 from agents.flights import Flight, fly
 from ferguson_gym.rendering.drawing import draw_field, draw_path
-from ferguson_gym.world import Discs, is_feasible
+from ferguson_gym.world import Obstacles, is_feasible
 from ferguson_gym.world.field import Field, to_json
 
 SIDES = ("x", "y", "width", "depth")
@@ -45,7 +45,7 @@ def read(file: Path) -> np.ndarray:
     return walls
 
 
-def cover(buildings: np.ndarray, cell: float) -> Discs:
+def cover(buildings: np.ndarray, cell: float) -> Obstacles:
     """Discs around the cells, at most `cell` [m] wide, on the borders of rectangles (n, 4)."""
     if not cell > 0.0:
         raise ValueError(f"cells have a side above 0 m, got {cell} m")
@@ -57,7 +57,7 @@ def cover(buildings: np.ndarray, cell: float) -> Discs:
             if i in (0, columns - 1) or j in (0, rows - 1):
                 centers.append((x + (i + 0.5) * wide, y + (j + 0.5) * deep))
                 radii.append(np.hypot(wide, deep) / 2.0)
-    return Discs(np.array(centers), np.array(radii))
+    return Obstacles.discs(np.array(centers), np.array(radii))
 
 
 def from_walls(points: np.ndarray, buildings: np.ndarray) -> np.ndarray:

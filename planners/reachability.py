@@ -8,7 +8,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import exact_length
-from ferguson_gym.world import Discs, Field
+from ferguson_gym.world import Field
 from planners.interface import Plan, Status, initial_state
 
 _ROUNDING = 1e-6
@@ -52,7 +52,7 @@ def why_unreachable(
         exact: whether `length` is known; otherwise the straight distance takes its place.
     """
     discs = field.obstacles
-    known = exact and isinstance(discs, Discs) and discs.dimension == 2
+    known = exact and discs.are_discs and discs.dimension == 2
     if known and length is None:
         return Status.NO_WAY, ""
     limits = field.limits

@@ -12,7 +12,7 @@ from agents.models import shipped_agents
 from agents.policies import PolicySpec
 from agents.policies.registry import make_planner
 from agents.runtime import provenance
-from ferguson_gym.world import Discs, Field
+from ferguson_gym.world import Field
 from planners.interface import Seconds
 
 LIBRARIES = (
@@ -68,7 +68,7 @@ def hash_field(field: Field) -> str:
     """SHA-256 of a field's arrays, limits and obstacles."""
     arrays = [field.start, field.goal, field.bounds, field.departure]
     obstacles, rest = field.obstacles, repr(field.limits).encode()
-    if isinstance(obstacles, Discs):
+    if obstacles.are_discs:
         arrays += [obstacles.centers, obstacles.radii]
     else:
         rest += repr(obstacles).encode()

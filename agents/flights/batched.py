@@ -17,14 +17,14 @@ from agents.flights.flight import Flight
 from agents.models import Model
 from ferguson_gym.simulation.settings import OBSERVING, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
-from ferguson_gym.world import Discs, Field, Outcome
+from ferguson_gym.world import Field, Obstacles, Outcome
 
 BATCH = 48
 """Flights at a time by default: few enough for the environment to step them without threads of
 its own, which would compete with the network for the processor."""
 
 
-_NOWHERE = Field(name="nowhere", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
+_NOWHERE = Field(name="nowhere", obstacles=Obstacles.discs(np.empty((0, 2)), np.empty(0)))
 
 
 def fly_batch(

@@ -8,13 +8,13 @@ import numpy as np
 
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.shortest_paths import exact_length
-from ferguson_gym.world import Discs, Field
+from ferguson_gym.world import Field, Obstacles
 
 
 @cache
 def small_field() -> Field:
     """Two discs and a goal beyond the first window, so that planners meet every kind of window."""
-    discs = Discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
+    discs = Obstacles.discs(np.array([[9.0, 9.0], [30.0, 24.0]]), np.array([1.0, 4.0]))
     return Field(name="two discs", obstacles=discs, goal=np.array([40.0, 40.0]))
 
 

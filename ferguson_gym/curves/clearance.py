@@ -1,9 +1,10 @@
-"""Certified clearance of whole Ferguson segments from discs, and their minimum of |X'(t)|.
+"""Certified clearance of whole Ferguson segments from obstacles, and their minimum of |X'(t)|.
 
 Every bound returned is proved for the whole curve, rounding included: the computed distance is
 reduced by a margin of 2e-10 of the scale (the largest distance between a Bézier point and the
-disc's centre) plus 1e-15 of the largest coordinate. For a flight in the paper's field that is below
-1e-7 m. Numbers below 1e-150, whose squares underflow, count as zero.
+disc's centre) plus 1e-15 of the largest coordinate, and by about four times as much beside
+obstacles of another shape. For a flight in the paper's field that is below 1e-7 m. Numbers below
+1e-150, whose squares underflow, count as zero.
 
 Reference:
     The paper, section III-C3, samples 29 points of a segment; a curve can cut into a disc between
@@ -15,7 +16,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym.curves import certified_kernels
+from ferguson_gym.curves import certified_kernels, obstacle_kernels
+from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array, finite
 
@@ -37,23 +39,32 @@ def _axes(control: Array) -> tuple[int, ...]:
     return tuple(range(control.shape[-1]))
 
 
-def closest(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> tuple[Array, Array]:
-    """Certified clearance of each segment from each disc, and where it is attained.
+_DISCS = Cores(np.empty((2, 0)), np.empty(0, np.int64), np.empty(0))
+"""Of obstacles that are all discs."""
+
+
+def closest(
+    control: ArrayLike, centers: ArrayLike, radii: ArrayLike, cores: Cores = _DISCS
+) -> tuple[Array, Array]:
+    """Certified clearance of each segment from each obstacle, and where it is attained.
 
     Args:
         control: (*batch, 4, D) segments.
-        centers: (n, D) centres of the discs (balls) [m].
-        radii: (n,) radii [m].
+        centers: (n, D) centres of discs (balls), or of the balls around other obstacles [m].
+        radii: (n,) radii of these [m].
+        cores: of obstacles that are not all discs.
 
     Returns:
         Clearance (*batch, n) [m], a lower bound that differs from the true minimum over the whole
-        curve by at most 3e-10 times the scale, negative inside a disc; and its parameter, alike.
+        curve by at most 3e-10 times the scale, for a disc, and 1e-9 times the scale for other
+        obstacles; negative inside an obstacle; and its parameter, alike.
 
     Raises:
         ValueError: mismatched shapes, NaN or infinity.
     """
     control, centers, radii = _checked(control, centers, radii)
-    clear, where = certified_kernels.closest(_flat(control), centers, radii, _axes(control))
+    columns = np.ascontiguousarray(centers.T)
+    clear, where = obstacle_kernels.closest(_flat(control), columns, radii, cores, _axes(control))
     shape = (*control.shape[:-2], len(radii))
     return clear.reshape(shape), where.reshape(shape)
 
@@ -68,8 +79,22 @@ def clearance(control: ArrayLike, centers: ArrayLike, radii: ArrayLike) -> Array
         >>> round(float(clearance(bend, centers=[[5, 3]], radii=[1])), 6)
         0.927364
     """
+    return obstacle_clearance(control, centers, radii, _DISCS)
+
+
+def obstacle_clearance(
+    control: ArrayLike,
+    centers: ArrayLike,
+    radii: ArrayLike,
+    cores: Cores,
+    cutoff: float = np.inf,
+) -> Array:
+    """As `clearance`, from obstacles as `closest` takes them, or `cutoff` [m] if that is less."""
     control, centers, radii = _checked(control, centers, radii)
-    clear = certified_kernels.clearance(_flat(control), centers, radii, np.inf, _axes(control))
+    columns = np.ascontiguousarray(centers.T)
+    clear = obstacle_kernels.clearance(
+        _flat(control), columns, radii, cores, cutoff, _axes(control)
+    )
     return clear.reshape(control.shape[:-2])
 
 
@@ -85,12 +110,9 @@ def is_clear(
         >>> is_clear([[0, 0], [9, 3], [9, 0], [9, 6]], [[5, 3]], [1], least=0.9).item()
         True
     """
-    control, centers, radii = _checked(control, centers, radii)
     finite("least", least, ())
-    clear = certified_kernels.clearance(
-        _flat(control), centers, radii, float(least), _axes(control)
-    )
-    return np.asarray(clear >= least).reshape(control.shape[:-2])
+    clear = obstacle_clearance(control, centers, radii, _DISCS, float(least))
+    return np.asarray(clear >= least)
 
 
 def least_speed(control: ArrayLike) -> tuple[Array, Array]:

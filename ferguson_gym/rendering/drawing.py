@@ -23,7 +23,7 @@ from ferguson_gym.svg.colours import SEEN as SEEN
 from ferguson_gym.svg.colours import SEGMENTS as SEGMENTS
 from ferguson_gym.svg.colours import START as START
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs, Obstacles
+from ferguson_gym.world.obstacles import Obstacles
 
 _T = np.linspace(0.0, 1.0, 60)
 
@@ -42,7 +42,7 @@ def draw_field(axes: Axes, field: Field) -> None:
 
 def draw_obstacles(axes: Axes, obstacles: Obstacles, colour: str = OBSTACLE) -> None:
     """Obstacles, if they are discs."""
-    if isinstance(obstacles, Discs):
+    if obstacles.are_discs:
         circles = [
             Circle((float(x), float(y)), float(r))
             for (x, y), r in zip(obstacles.centers, obstacles.radii, strict=True)

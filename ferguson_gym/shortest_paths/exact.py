@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 
 def shortest_path(field: Field) -> ShortestPath | None:
@@ -47,7 +47,7 @@ def exact_length(field: Field) -> float | None:
         144.338
     """
     discs = field.obstacles
-    if not isinstance(discs, Discs) or discs.dimension != 2:
+    if not discs.are_discs or discs.dimension != 2:
         return None
     arrays = (discs.centers, discs.radii, field.start, field.goal, field.bounds)
     # by content, since every flight that a worker process returns has its own copy of the field
@@ -75,7 +75,7 @@ def _exact_length(
 ) -> float | None:
     field = Field(
         name="cached copy",
-        obstacles=Discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
+        obstacles=Obstacles.discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
         start=np.frombuffer(start),
         goal=np.frombuffer(goal),
         bounds=np.frombuffer(bounds).reshape(2, 2),

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
 
 Integers = NDArray[np.int64]
 
@@ -90,7 +89,7 @@ def scene(field: Field) -> tuple[Scene, Integers]:
         TypeError: obstacles other than discs in the plane.
     """
     discs = field.obstacles
-    if not isinstance(discs, Discs) or discs.dimension != 2:
+    if not discs.are_discs or discs.dimension != 2:
         raise TypeError(
             "shortest paths are found among discs in the plane, got "
             f"{type(discs).__name__} in {discs.dimension} dimensions"

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
 
 MAX_POINTS = 100_000
 """Upper limit of points on a line or arc: one every 0.25 m of 25 km."""
@@ -120,7 +119,7 @@ def trace(
     # from the track's sense to the usual one
     angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
     obstacles = field.obstacles
-    assert isinstance(obstacles, Discs)
+    assert obstacles.are_discs
     centers, radii = obstacles.centers[discs], obstacles.radii[discs]
     around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     ends = centers[:, None] + radii[:, None, None] * around

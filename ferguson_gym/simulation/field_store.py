@@ -7,9 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.field import Field, planar_discs
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.runtime.jit import compiled_in_place
+from ferguson_gym.world.field import Field, planar_obstacles
+from ferguson_gym.world.obstacles import Obstacles
 
 FIELD_RECORD = np.dtype(
     [
@@ -31,17 +33,34 @@ FIELD_RECORD = np.dtype(
 the straight distance from start to goal, the clearance at the start [m], and its limits."""
 
 
+Integers = NDArray[np.int64]
+
+
 class FieldArrays(NamedTuple):
     """Fields by slot."""
 
     records: NDArray[np.void]
     """(slots,) of FIELD_RECORD."""
     discs: Array
-    """Rows x, y, radius (slots, 3, M) [m]; a radius of minus infinity where there is no disc."""
+    """Rows x, y, radius (slots, 3, M) [m] of the balls that bound the obstacles, discs themselves;
+    a radius of minus infinity where there is no obstacle."""
+    corners: Array
+    """(slots, 2, C) of the obstacles' cores [m]; C is 0 as long as all obstacles are discs."""
+    first: Integers
+    """(slots, M + 1) index of the first corner of each core, and of the end of the last; (slots, 0)
+    where C is 0."""
+    radii: Array
+    """(slots, M) by which the cores are grown [m]; (slots, 0) where C is 0."""
+
+
+@compiled_in_place
+def cores_of(fields: FieldArrays, slot: int) -> Cores:
+    """The cores of the field in a slot."""
+    return Cores(fields.corners[slot], fields.first[slot], fields.radii[slot])
 
 
 class FieldStore:
-    """Holds fields of at most M = `capacity` discs in numbered slots.
+    """Holds fields of at most M = `capacity` obstacles in numbered slots.
 
     Slots beyond the last filled one take no memory, since the operating system provides zeros on
     first use. When the slots or the capacity no longer suffice, `arrays` are replaced.
@@ -49,51 +68,58 @@ class FieldStore:
 
     def __init__(self, slots: int, capacity: int) -> None:
         self.capacity = capacity
-        self._default = Field(name="default", obstacles=Discs(np.empty((0, 2)), np.empty(0)))
-        self.arrays = FieldArrays(
-            records=np.zeros(slots, FIELD_RECORD),
-            discs=np.zeros((slots, 3, max(capacity, 1))),
+        self._default = Field(
+            name="default", obstacles=Obstacles.discs(np.empty((0, 2)), np.empty(0))
         )
+        self.arrays = _empty(slots, max(capacity, 1), 0)
         self.used = 0
         """Number of slots up to the last filled one."""
 
     def ensure_capacity(self, field: Field) -> None:
-        """Raise the capacity to the number of discs of this field.
+        """Raise the capacity to the number of obstacles of this field, and of their corners.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: a field that is not planar.
         """
-        self.make_room(0, len(planar_discs(field)))
+        obstacles = planar_obstacles(field)
+        self.make_room(0, len(obstacles), _corners(obstacles))
 
-    def make_room(self, slots: int, capacity: int = 0) -> None:
-        """Provide at least so many slots, for at least so many discs each."""
-        records, old = self.arrays
+    def make_room(self, slots: int, capacity: int = 0, corners: int = 0) -> None:
+        """Provide at least so many slots, for so many obstacles and corners of other than discs."""
+        old, used = self.arrays, self.used
         self.capacity = max(self.capacity, capacity)
-        if slots <= len(records) and self.capacity <= old.shape[2]:
+        most, room = max(self.capacity, old.discs.shape[2]), old.corners.shape[2]
+        if slots <= len(old.records) and most <= old.discs.shape[2] and corners <= room:
             return
-        if slots > len(records):  # doubled, so that a field is seldom copied
-            slots, used = max(slots, 2 * len(records)), records[: self.used]
-            records = np.zeros(slots, FIELD_RECORD)
-            records[: self.used] = used
-        discs = np.zeros((len(records), 3, max(self.capacity, old.shape[2])))
-        discs[: self.used, 2] = -np.inf
-        discs[: self.used, :, : old.shape[2]] = old[: self.used]
-        self.arrays = FieldArrays(records, discs)
+        # doubled, so that a field is seldom copied
+        number = max(slots, 2 * len(old.records)) if slots > len(old.records) else len(old.records)
+        new = _empty(number, most, max(corners, room))
+        new.records[:used] = old.records[:used]
+        new.discs[:used, 2] = -np.inf
+        new.discs[:used, :, : old.discs.shape[2]] = old.discs[:used]
+        if room:
+            new.corners[:used, :, :room] = old.corners[:used]
+            new.first[:used, : old.first.shape[1]] = old.first[:used]
+            new.radii[:used, : old.radii.shape[1]] = old.radii[:used]
+        elif corners:  # discs have kept no cores so far
+            width = min(most, new.corners.shape[2])
+            new.corners[:used, :, :width] = new.discs[:used, :2, :width]
+            new.first[:used] = np.arange(new.first.shape[1])
+            new.radii[:used] = new.discs[:used, 2]
+        self.arrays = new
 
     def move(self, source: int, slot: int) -> None:
         """Copy a field into another slot."""
-        self.arrays.records[slot] = self.arrays.records[source]
-        self.arrays.discs[slot] = self.arrays.discs[source]
+        for array in self.arrays:
+            array[slot] = array[source]
 
     def check(self, field: Field) -> None:
         """Refuse a field that the store cannot hold.
 
         Raises:
-            TypeError: obstacles other than discs.
-            ValueError: a field that is not planar, or with more discs than fit.
+            ValueError: a field that is not planar, or with more obstacles than fit.
         """
-        if (number := len(planar_discs(field))) > self.capacity:
+        if (number := len(planar_obstacles(field))) > self.capacity:
             raise ValueError(
                 f"field {field.name} has {number} obstacles, the environment holds at most "
                 f"{self.capacity}: make it with capacity={number} or more"
@@ -101,22 +127,47 @@ class FieldStore:
 
     def put(self, slot: int, field: Field) -> None:
         """Write a field, already checked, into a slot."""
-        assert isinstance(field.obstacles, Discs)
+        self.make_room(0, 0, _corners(field.obstacles))
         self._put(slot, field, field.obstacles)
 
-    def put_discs(self, slot: int, discs: Discs) -> None:
-        """Write a field of discs with the default start, goal and bounds into a slot."""
-        self._put(slot, self._default, discs)
+    def put_obstacles(self, slot: int, obstacles: Obstacles) -> None:
+        """Write a field with the default start, goal and bounds into a slot."""
+        self.make_room(0, 0, _corners(obstacles))
+        self._put(slot, self._default, obstacles)
 
-    def _put(self, slot: int, field: Field, discs: Discs) -> None:
-        arrays = self.arrays
+    def _put(self, slot: int, field: Field, obstacles: Obstacles) -> None:
+        arrays, number = self.arrays, len(obstacles)
+        centers, radii = obstacles.balls
         for key in ("start", "start_derivative", "goal", "bounds", "distance"):
             arrays.records[key][slot] = getattr(field, key)
         for key, limit in field.limits.numbers()._asdict().items():
             arrays.records[key][slot] = limit
-        distances = discs.signed_distance(field.start)
+        distances = obstacles.signed_distance(field.start)
         arrays.records["clearance"][slot] = np.min(distances, initial=np.inf)
-        arrays.discs[slot, :2, : len(discs)] = discs.centers.T
-        arrays.discs[slot, 2, : len(discs)] = discs.radii
-        arrays.discs[slot, 2, len(discs) :] = -np.inf
+        arrays.discs[slot, :2, :number] = centers.T
+        arrays.discs[slot, 2, :number] = radii
+        arrays.discs[slot, 2, number:] = -np.inf
+        if arrays.corners.shape[2]:
+            arrays.corners[slot, :, : len(obstacles.points)] = obstacles.points.T
+            arrays.first[slot, : number + 1] = obstacles.starts
+            arrays.first[slot, number + 1 :] = obstacles.starts[-1]
+            arrays.radii[slot, :number] = obstacles.radii
         self.used = max(self.used, slot + 1)
+
+
+def _corners(obstacles: Obstacles) -> int:
+    """Number of corners for which a store needs room; 0 for discs."""
+    return 0 if obstacles.are_discs else len(obstacles.points)
+
+
+def _empty(slots: int, capacity: int, corners: int) -> FieldArrays:
+    # discs keep no cores; a store with other obstacles has room for those of discs, too
+    corners = max(corners, capacity) if corners else 0
+    most = capacity if corners else 0
+    return FieldArrays(
+        records=np.zeros(slots, FIELD_RECORD),
+        discs=np.zeros((slots, 3, capacity)),
+        corners=np.zeros((slots, 2, corners)),
+        first=np.zeros((slots, most + 1 if corners else 0), np.int64),
+        radii=np.zeros((slots, most)),
+    )

@@ -16,7 +16,7 @@ from ferguson_gym.simulation.observations import KINDS, Layout, rays_around
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS, FieldPool
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.suites import (
     SUITES,
     Recipe,
@@ -210,7 +210,7 @@ class Settings:
             return self.pool
         return self.suite, self.split, self.fields, self.obstacles, self.radii
 
-    def discs(self, seed: int) -> Discs:
+    def discs(self, seed: int) -> Obstacles:
         """The discs of a seed's field in the suite."""
         return suite_discs(self.suite, self.split, seed, self.recipe)
 

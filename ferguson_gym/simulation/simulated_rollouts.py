@@ -25,7 +25,7 @@ from ferguson_gym.simulation.step_buffers import (
 )
 from ferguson_gym.simulation.ways import Ways
 from ferguson_gym.world.actions import Action
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import State
 
@@ -54,7 +54,9 @@ class SimulatedRollouts:
         vehicles: Sequence[State],
         settings: Settings,
     ) -> None:
-        store = FieldStore(len(fields), max(len(planar_discs(field)) for field in fields))
+        store = FieldStore(len(fields), max(len(planar_obstacles(field)) for field in fields))
+        for field in fields:
+            store.ensure_capacity(field)
         for slot, field in enumerate(fields):
             store.put(slot, field)
         self._fields = fields

@@ -19,6 +19,7 @@ from ferguson_gym.runtime.jit import (
     prefetch,
     unowned,
 )
+from ferguson_gym.simulation.field_store import cores_of
 from ferguson_gym.simulation.observations import FlatObservation, write_observation
 from ferguson_gym.simulation.reward import segment_reward
 from ferguson_gym.simulation.step_buffers import (
@@ -91,6 +92,7 @@ def _fly_action(buffers: StepBuffers, i: int, scratch: Scratch) -> float:
         field.bounds,
         fields.discs[slot, :2],
         fields.discs[slot, 2],
+        cores_of(fields, slot),
         limits,
         flight.clearance,
         scratch,
@@ -223,7 +225,7 @@ def advance(given: PlainTuple, counters: Counters, claim: int, patience: int) ->
         put(counters, DONE, 0)
         put(counters, CLAIMED, 0)
     buffers = unowned(as_buffers(given))  # the caller holds them
-    owned = make_scratch((0, 1), buffers.fields.discs.shape[2])
+    owned = make_scratch((0, 1), buffers.fields.discs.shape[2], buffers.fields.corners.shape[2])
     scratch = unowned(owned)
     number = len(buffers.actions)
     chunks = (number + CHUNK - 1) // CHUNK

@@ -1,9 +1,9 @@
 """Problem definition: fields of obstacles, limits, actions, feasibility and outcomes.
 
-A `Field` has `Obstacles` (so far `Discs`), start, goal and bounds; `get_field` and `get_fields`
-find fields by name, and a `FieldPool` has those from which resets draw. `encode` and `decode`
-translate between segments and actions, `inspect` and `is_feasible` certify segments, and `advance`
-flies one action from a `State` to the next.
+A `Field` has `Obstacles` (discs, capsules, polygons), start, goal and bounds; `get_field` and
+`get_fields` find fields by name, and a `FieldPool` has those from which resets draw. `encode` and
+`decode` translate between segments and actions, `inspect` and `is_feasible` certify segments, and
+`advance` flies one action from a `State` to the next.
 """
 
 from ferguson_gym.world.actions import Action as Action
@@ -18,7 +18,6 @@ from ferguson_gym.world.field_names import get_fields as get_fields
 from ferguson_gym.world.field_pool import FieldPool as FieldPool
 from ferguson_gym.world.limits import PAPER_LIMITS as PAPER_LIMITS
 from ferguson_gym.world.limits import Limits as Limits
-from ferguson_gym.world.obstacles import Discs as Discs
 from ferguson_gym.world.obstacles import Obstacles as Obstacles
 from ferguson_gym.world.outcome import Outcome as Outcome
 from ferguson_gym.world.transition import State as State

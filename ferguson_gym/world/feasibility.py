@@ -17,10 +17,11 @@ from ferguson_gym.curves.certified_kernels import (
     Scratch,
     bounds_margins,
     segment_bounds_margin,
-    segment_clearance,
     segment_speed,
 )
 from ferguson_gym.curves.clearance import least_speed
+from ferguson_gym.curves.convex_core import Cores
+from ferguson_gym.curves.obstacle_kernels import segment_clearance
 from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled_in_place
@@ -93,20 +94,22 @@ def first_failure(
     bounds: Array,
     columns: Array,
     radii: Array,
+    cores: Cores,
     limits: LimitValues,
     cutoff: float,
     scratch: Scratch,
 ) -> tuple[int, float, float]:
-    """Feasibility of one segment among discs, as `Inspection.outcome` decides it.
+    """Feasibility of one segment, as `Inspection.outcome` decides it.
 
     Args:
         control: (4, D) segment.
         bounds: (2, D) of the field.
-        columns: (D, n) centres of the discs.
-        radii: (n,).
+        columns: (D, n) centres of the balls that bound the obstacles.
+        radii: (n,) of the balls.
+        cores: of the obstacles, as `Cores` says.
         limits: of the flight.
-        cutoff: the search ignores discs farther than this; see the result.
-        scratch: memory, for n discs or more.
+        cutoff: the search ignores obstacles farther than this; see the result.
+        scratch: memory, for n obstacles or more.
 
     Returns:
         The code of FLYING or of the first failure; length [m]; clearance [m], or `cutoff` if
@@ -123,7 +126,7 @@ def first_failure(
         return TOO_LONG, 0.0, 0.0
     if not segment_bounds_margin(control, bounds, -slack) >= -slack:
         return LEFT_BOUNDS, 0.0, 0.0
-    clearance = segment_clearance(control, columns, radii, cutoff, scratch)
+    clearance = segment_clearance(control, columns, radii, cores, cutoff, scratch)
     if not clearance >= -slack:
         return COLLISION, 0.0, 0.0
     return FLYING, length, clearance

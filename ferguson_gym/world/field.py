@@ -14,19 +14,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.runtime.arrays import Array, finite, frozen, real
+from ferguson_gym.runtime.arrays import Array, finite, frozen, real, truncate_repr
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
 from ferguson_gym.world.limits import Limits
-from ferguson_gym.world.obstacles import Discs, Obstacles
+from ferguson_gym.world.obstacles import Obstacles
 
 START = (0.0, 0.0)
 GOAL = (100.0, 100.0)
 BOUNDS = (-10.0, 110.0)
 _ROUNDING = 1e-4
 """Depth inside an obstacle that counts as rounding, as a fraction of the tolerance."""
-_REQUIRED = ("centers", "radii")
+_DISCS, _SHAPES = ("centers", "radii"), "obstacles"
+_SHAPE = {"points", "radius"}
 _OPTIONAL = ("start", "goal", "bounds", "start_derivative", "limits")
 
 
@@ -35,6 +36,7 @@ class Field(ShowsPicture):
     """Obstacles, start, goal, bounds and limits of a flight; immutable.
 
     Raises:
+        TypeError: obstacles of another class.
         ValueError: shapes that do not match, NaN or infinity, start or goal inside an
             obstacle or outside the bounds, start on the goal, lower bounds not below upper bounds,
             limits that contradict each other, a start derivative shorter or longer than that of
@@ -58,6 +60,8 @@ class Field(ShowsPicture):
     the scale of the field. Kept as `Limits`."""
 
     def __post_init__(self) -> None:
+        if not isinstance(self.obstacles, Obstacles):
+            raise TypeError(f"obstacles are Obstacles, got {type(self.obstacles).__name__}")
         start = finite("start", self.start, (None,))
         goal = finite("goal", self.goal, (len(start),))
         if self.obstacles.dimension != len(start):
@@ -196,7 +200,7 @@ class Field(ShowsPicture):
         number = len(self.obstacles)
         caption = f"{self.name}: {number} obstacle{'s' * (number != 1)}"
         picture = Picture(self.bounds[0], self.bounds[1], caption)
-        if isinstance(self.obstacles, Discs):
+        if self.obstacles.are_discs:
             picture.add_discs(self.obstacles.centers, self.obstacles.radii)
         picture.add_ends(self.start, self.goal)
         return picture
@@ -212,11 +216,12 @@ def _point(point: ArrayLike) -> str:
 
 
 def from_json(path: str | os.PathLike[str]) -> Field:
-    """Read a field of discs from a JSON file; the file's stem is its name.
+    """Read a field from a JSON file; the file's stem is its name.
 
-    Keys: `centers` (n, D) and `radii` (n,), optional `start`, `goal`, `bounds`,
-    `start_derivative`, `limits` (some or all attributes of `Limits`). Other keys are ignored with a
-    warning.
+    Keys: discs as `centers` (n, D) and `radii` (n,), other obstacles as `obstacles`, a list of
+    objects with `points` (m, D), whose convex hull is meant, and `radius` (0 if left out); optional
+    `start`, `goal`, `bounds`, `start_derivative`, `limits` (some or all attributes of `Limits`).
+    Other keys are ignored with a warning.
 
     Raises:
         ValueError: not JSON, keys missing, or values that `Field` refuses; the message
@@ -227,34 +232,54 @@ def from_json(path: str | os.PathLike[str]) -> Field:
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
         if not isinstance(data, dict):
-            raise ValueError("a field is a JSON object with centers and radii")
-        if missing := [key for key in _REQUIRED if key not in data]:
-            raise ValueError(f"a field needs {' and '.join(missing)}")
+            raise ValueError("a field is a JSON object with centers and radii, or obstacles")
         options = {key: data[key] for key in _OPTIONAL if data.get(key) is not None}
-        # without discs, the dimension is that of the start
-        none = np.empty((0, np.size(options.get("start", START))))
-        centers = none if data["centers"] == [] else data["centers"]
-        field = Field(name=path.stem, obstacles=Discs(centers, data["radii"]), **options)
+        dimension = int(np.size(options.get("start", START)))
+        field = Field(name=path.stem, obstacles=_obstacles_in(data, dimension), **options)
     except json.JSONDecodeError as error:
         raise ValueError(f"{path}: not JSON: {error}") from None
     except (ValueError, RecursionError) as error:
         raise ValueError(f"{path}: {error}") from None
-    if unknown := sorted(set(data) - {*_REQUIRED, *_OPTIONAL}):
+    if unknown := sorted(set(data) - {*_DISCS, _SHAPES, *_OPTIONAL}):
         warnings.warn(f"{path}: ignored unknown keys {', '.join(map(repr, unknown))}", stacklevel=2)
     return field
 
 
-def to_json(field: Field, path: str | os.PathLike[str]) -> None:
-    """Write a field of discs as JSON; reading it again gives the same numbers, bit for bit.
+def _obstacles_in(data: dict[str, Any], dimension: int) -> Obstacles:
+    """The obstacles of a field's JSON object; without any, in the dimension of the start."""
+    parts, shapes = list[Obstacles](), data.get(_SHAPES, [])
+    if not isinstance(shapes, list):
+        raise ValueError(f"obstacles must be a list of objects, got {truncate_repr(shapes)}")
+    if _SHAPES not in data and (missing := [key for key in _DISCS if key not in data]):
+        raise ValueError(f"a field needs {' and '.join(missing)}, or obstacles")
+    if data.get("centers") or data.get("radii"):
+        parts.append(Obstacles.discs(data.get("centers", []), data.get("radii", [])))
+    for k, shape in enumerate(shapes):
+        if not isinstance(shape, dict) or "points" not in shape or set(shape) - _SHAPE:
+            raise ValueError(
+                f"obstacle {k} must be an object with points and radius, got {truncate_repr(shape)}"
+            )
+    if shapes:
+        cores = [shape["points"] for shape in shapes]
+        parts.append(Obstacles.hulls(cores, [shape.get("radius", 0.0) for shape in shapes]))
+    return Obstacles.joined(parts) if parts else Obstacles.discs(np.empty((0, dimension)), [])
 
-    Raises:
-        TypeError: obstacles other than discs, which the format does not hold.
+
+def to_json(field: Field, path: str | os.PathLike[str]) -> None:
+    """Write a field as JSON; reading it again gives the same numbers, bit for bit.
+
+    Where all obstacles are discs they are `centers` and `radii`; otherwise all are `obstacles`.
     """
-    if not isinstance(field.obstacles, Discs):
-        raise TypeError(f"only discs have a JSON form, got {type(field.obstacles).__name__}")
+    obstacles, shapes = field.obstacles, dict[str, Any]()
+    if obstacles.are_discs:
+        shapes = {"centers": obstacles.centers.tolist(), "radii": obstacles.radii.tolist()}
+    else:
+        shapes[_SHAPES] = [
+            {"points": obstacles.core(k).tolist(), "radius": float(obstacles.radii[k])}
+            for k in range(len(obstacles))
+        ]
     data = {
-        "centers": field.obstacles.centers.tolist(),
-        "radii": field.obstacles.radii.tolist(),
+        **shapes,
         "start": field.start.tolist(),
         "goal": field.goal.tolist(),
         "bounds": field.bounds.tolist(),
@@ -266,16 +291,25 @@ def to_json(field: Field, path: str | os.PathLike[str]) -> None:
         temporary.write_text(json.dumps(data, indent=1) + "\n", encoding="utf-8")
 
 
-def planar_discs(field: Field) -> Discs:
-    """The obstacles of a field, if they are discs in the plane, as environments need.
+def planar_obstacles(field: Field) -> Obstacles:
+    """The obstacles of a field, if it is planar, as environments need.
+
+    Raises:
+        ValueError: a field that is not planar.
+    """
+    dimension = field.obstacles.dimension
+    if dimension != 2:
+        raise ValueError(f"flights are planar, field {field.name} has {dimension} dimensions")
+    return field.obstacles
+
+
+def planar_discs(field: Field) -> Obstacles:
+    """The obstacles of a field, if they are discs in the plane.
 
     Raises:
         TypeError: obstacles other than discs.
         ValueError: a field that is not planar.
     """
-    discs = field.obstacles
-    if not isinstance(discs, Discs):
-        raise TypeError(f"the environment supports discs only, not {type(discs).__name__}")
-    if discs.dimension != 2:
-        raise ValueError(f"flights are planar, field {field.name} has {discs.dimension} dimensions")
-    return discs
+    if not (obstacles := planar_obstacles(field)).are_discs:
+        raise TypeError(f"field {field.name} has obstacles other than discs, which this cannot use")
+    return obstacles

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from ferguson_gym.runtime.arrays import truncate_repr
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.field_names import GRAMMAR, family, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.suites import max_discs, suite_field
@@ -64,7 +64,7 @@ class FieldPool:
             raise ValueError(f"resets draw from 1 to {MAX_FIELDS} fields, got {len(self)}")
         for part in self.parts:
             if isinstance(part, Field):
-                planar_discs(part)
+                planar_obstacles(part)
 
     @classmethod
     def of(cls, given: Any) -> FieldPool:

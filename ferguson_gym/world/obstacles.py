@@ -1,157 +1,289 @@
-"""Obstacles by their signed distance, and discs, the obstacles of the paper."""
+"""Obstacles: convex cores grown by radii. Discs, the obstacles of the paper, have cores of a point.
+
+Shapes that are not convex are several obstacles that overlap.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ferguson_gym.curves.clearance import clearance, closest
+from ferguson_gym.curves.clearance import closest, obstacle_clearance
+from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.curves.splines import as_control, to_bezier
 from ferguson_gym.runtime.arrays import Array, GenericArray, finite, frozen, real
-from ferguson_gym.runtime.jit import compiled
-
-
-class Obstacles(Protocol):
-    """Interface of obstacles of any shape, for planners and the environment."""
-
-    @property
-    def dimension(self) -> int:
-        """Dimension D of the space."""
-
-    def __len__(self) -> int: ...
-
-    def signed_distance(self, points: GenericArray) -> GenericArray:
-        """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside."""
-
-    def are_free(self, points: Array) -> NDArray[np.bool_]:
-        """Whether all points of each set (*batch, k, D) are outside all obstacles: (*batch,)."""
-
-    def gradient(self, points: Array) -> Array:
-        """Gradient of `signed_distance` with respect to the point: (*batch, n, D)."""
-
-    def near(self, point: ArrayLike, reach: float) -> Obstacles:
-        """The obstacles with a signed distance of at most `reach` [m] from a point."""
-
-    def only(self, keep: NDArray[np.bool_]) -> Obstacles:
-        """The obstacles that a mask (n,) selects."""
-
-    def grown(self, by: Array) -> Obstacles:
-        """The obstacles with surfaces moved outwards by distances (n,) [m], 0 or more."""
-
-    def rescaled(self, origin: Array, scale: float) -> Obstacles:
-        """The obstacles moved so that a point (D,) [m] is the origin, and then scaled."""
-
-    def clearance(self, control: ArrayLike) -> Array:
-        """Certified least signed distance along whole segments: (*batch,) [m]."""
-
-    def closest(self, control: ArrayLike) -> tuple[Array, Array]:
-        """Certified clearance from each obstacle and the parameter t there: 2 x (*batch, n)."""
-
+from ferguson_gym.world import core_distance
+from ferguson_gym.world.convex_hulls import hulls, warn_of_hulls
 
 MANY = 1000
-"""Among more discs than these, those near a point or segment are looked up by their coordinates."""
-
-
-@compiled
-def _are_free(points: Array, centers: Array, radii: Array) -> NDArray[np.bool_]:
-    result = np.ones(len(points), dtype=np.bool_)
-    for k in range(len(points)):
-        for disc in range(len(radii)):
-            for i in range(points.shape[1]):
-                square = 0.0
-                for d in range(points.shape[2]):
-                    square += (points[k, i, d] - centers[disc, d]) ** 2
-                if square < radii[disc] ** 2:
-                    result[k] = False
-                    break
-            if not result[k]:
-                break
-    return result
+"""Among more obstacles than these, those near a point or segment are looked up by coordinates."""
+_WIDER = 1.0 + 1e-12
+"""Factor by which a bounding ball is larger than its obstacle, for rounding."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Discs:
-    """Discs in the plane (balls in D dimensions); they may overlap.
+class Obstacles:
+    """Obstacles at rest, each the convex hull of its core's corners, grown by a radius.
+
+    Make them by `discs`, `capsules`, `polygons`, `boxes`, `hulls` or `joined`, which check the
+    geometry; they may overlap. Obstacles of D = 2 dimensions can have any core, others have cores
+    of one or two points.
 
     Raises:
-        ValueError: mismatched shapes, NaN or infinity, radii that are not positive.
+        ValueError: mismatched shapes, NaN or infinity, or an obstacle without an inside: a negative
+            radius, or a radius of zero around a core that is no polygon.
     """
 
-    centers: Array
-    """Centres (n, D) [m]."""
+    points: Array
+    """Corners of all cores (c, D) [m], core after core; polygons counter-clockwise."""
     radii: Array
-    """Radii (n,) [m]."""
+    """Radii (n,) by which the cores are grown [m]."""
+    first: NDArray[np.int64] | None = None
+    """(n + 1,) index of the first corner of each core, the last entry is c; None: one corner each.
+    Kept as an array."""
+    _balls: tuple[Array, Array] | None = dataclasses.field(init=False, repr=False, default=None)
+    """Centres (n, D) and radii (n,) of balls that contain the obstacles."""
     _sorted: tuple[NDArray[np.int64], Array, float] | None = dataclasses.field(
         init=False, repr=False, default=None
     )
-    """Discs in the order of their first coordinate, those coordinates, and the largest radius; made
-    when they are needed first."""
+    """Obstacles in the order of their balls' first coordinate, those coordinates, and the largest
+    radius of a ball; made when they are needed first."""
 
     def __post_init__(self) -> None:
-        centers = real("centers", self.centers)
-        if centers.shape == (0,):
-            centers = np.empty((0, 2))
-        centers = finite("centers", centers, (None, None))
+        points = real("centers" if self.first is None else "points", self.points)
+        if points.shape == (0,):
+            points = np.empty((0, 2))
+        points = finite("centers" if self.first is None else "points", points, (None, None))
         radii = finite("radii", self.radii, (None,))
-        if len(centers) != len(radii):
+        first = np.arange(len(points) + 1) if self.first is None else self.first
+        first = np.array(first, dtype=np.int64)
+        if len(first) != len(radii) + 1:
             raise ValueError(
-                f"every disc needs a centre and a radius, got {len(centers)} centers "
+                f"every disc needs a centre and a radius, got {len(points)} centers "
                 f"and {len(radii)} radii"
+                if self.first is None
+                else f"every core needs a radius, got {len(first) - 1} cores and {len(radii)} radii"
             )
-        if len(radii) and radii.min() <= 0.0:
-            raise ValueError(f"radii must be positive, got {radii.min():g} m")
-        object.__setattr__(self, "centers", frozen(centers))
-        object.__setattr__(self, "radii", frozen(radii))
+        number = np.diff(first)
+        if first[0] != 0 or first[-1] != len(points) or (number < 1).any():
+            raise ValueError(f"first must rise from 0 to {len(points)}, got {first.tolist()}")
+        flat = number < 3
+        if len(radii) and radii[flat].min(initial=np.inf) <= 0.0:
+            wrong = int(np.flatnonzero(flat & (radii <= 0.0))[0])
+            shape = (
+                "" if self.first is None else f" around a core without an area, obstacle {wrong}"
+            )
+            raise ValueError(f"radii must be positive, got {radii[wrong]:g} m{shape}")
+        if len(radii) and radii.min() < 0.0:
+            raise ValueError(f"radii must not be negative, got {radii.min():g} m")
+        if not flat.all() and points.shape[1] != 2:
+            raise ValueError(f"polygons are planar, got points in {points.shape[1]} dimensions")
+        first.flags.writeable = False
+        for name, value in (("points", frozen(points)), ("radii", frozen(radii)), ("first", first)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "_balls", self._bounding_balls())
+
+    def _bounding_balls(self) -> tuple[Array, Array]:
+        if self.are_discs:
+            return self.points, self.radii
+        starts, number = self.starts[:-1], np.diff(self.starts)
+        low = np.minimum.reduceat(self.points, starts, axis=0)
+        high = np.maximum.reduceat(self.points, starts, axis=0)
+        middle = np.where(number[:, None] == 1, self.points[starts], 0.5 * (low + high))
+        away = np.linalg.norm(self.points - np.repeat(middle, number, axis=0), axis=1)
+        around = np.maximum.reduceat(away, starts)
+        return middle, np.where(number == 1, self.radii, (around + self.radii) * _WIDER)
+
+    @staticmethod
+    def discs(centers: ArrayLike, radii: ArrayLike) -> Obstacles:
+        """Discs in the plane, balls in D dimensions.
+
+        Args:
+            centers: (n, D) [m].
+            radii: (n,) [m], positive.
+
+        Raises:
+            ValueError: as the class.
+        """
+        return Obstacles(centers, radii)  # type: ignore[arg-type]
+
+    @staticmethod
+    def capsules(ends: ArrayLike, radii: ArrayLike) -> Obstacles:
+        """Capsules: all points within a radius of a line.
+
+        Args:
+            ends: (n, 2, D) both ends of each line [m].
+            radii: (n,) or one for all [m], positive.
+
+        Raises:
+            ValueError: as the class.
+        """
+        ends = real("ends", ends)
+        return Obstacles.hulls(finite("ends", ends, (None, 2, None)), radii)  # type: ignore[arg-type]
+
+    @staticmethod
+    def polygons(polygons: Sequence[ArrayLike], radii: ArrayLike = 0.0) -> Obstacles:
+        """Convex polygons in the plane, with rounded corners where they have a radius.
+
+        Args:
+            polygons: (m, 2) corners of each, in any order [m].
+            radii: (n,) or one for all [m], by which the polygons are grown.
+
+        Raises:
+            ValueError: as the class, or a polygon without an area.
+        """
+        made = Obstacles.hulls(polygons, radii)
+        if (flat := np.diff(made.starts) < 3).any():
+            raise ValueError(f"polygon {int(flat.argmax())} has no area; `capsules` are lines")
+        return made
+
+    @staticmethod
+    def boxes(low: ArrayLike, high: ArrayLike, radii: ArrayLike = 0.0) -> Obstacles:
+        """Rectangles with sides along the axes of the plane.
+
+        Args:
+            low: (n, 2) lower corners [m].
+            high: (n, 2) upper corners [m].
+            radii: (n,) or one for all [m], by which the rectangles are grown.
+
+        Raises:
+            ValueError: as the class, or an upper corner that is not above the lower one.
+        """
+        low, high = finite("low", low, (None, 2)), finite("high", high, (None, 2))
+        if low.shape != high.shape or not (low < high).all():
+            raise ValueError("every box needs a lower corner, and an upper one above it")
+        corners = np.stack([low, low, high, high], axis=1)
+        corners[:, 1, 0], corners[:, 3, 0] = high[:, 0], low[:, 0]
+        return _of_corners(corners, radii)
+
+    @staticmethod
+    def hulls(cores: Sequence[ArrayLike], radii: ArrayLike) -> Obstacles:
+        """Convex hulls of points, grown by radii: obstacles of every shape.
+
+        Points that are not in convex position give a warning.
+
+        Args:
+            cores: (m, D) points of each [m], any number m from 1 on.
+            radii: (n,) or one for all [m].
+
+        Raises:
+            ValueError: as the class, or a core without points.
+        """
+        corners, changed = hulls(cores)
+        warn_of_hulls(changed)
+        return _of_corners(corners, radii)
+
+    @staticmethod
+    def joined(parts: Iterable[Obstacles]) -> Obstacles:
+        """Several sets of obstacles of the same dimension as one, in their order."""
+        every = [part for part in parts if len(part)]
+        if not every:
+            return Obstacles(np.empty((0, 2)), np.empty(0))
+        ends = np.cumsum([0, *(len(part.points) for part in every)])
+        starts = [part.starts[:-1] + end for part, end in zip(every, ends, strict=False)]
+        return Obstacles(
+            np.concatenate([part.points for part in every]),
+            np.concatenate([part.radii for part in every]),
+            np.concatenate([*starts, ends[-1:]]),
+        )
 
     @property
     def dimension(self) -> int:
         """Dimension D of the space."""
-        return int(self.centers.shape[1])
+        return int(self.points.shape[1])
 
     def __len__(self) -> int:
         return len(self.radii)
 
-    def signed_distance(self, points: GenericArray) -> GenericArray:
-        """Distance of points (*batch, D) to each disc: (*batch, n) [m], negative inside.
+    @property
+    def starts(self) -> NDArray[np.int64]:
+        """`first`, never None."""
+        assert self.first is not None
+        return self.first
 
-        Uses x * x instead of |x|^2, so that the complex-step method works.
+    @property
+    def are_discs(self) -> bool:
+        """Whether every core is a point."""
+        return len(self.points) == len(self.radii)
+
+    @property
+    def centers(self) -> Array:
+        """Centres of discs (n, D) [m].
+
+        Raises:
+            TypeError: other obstacles.
         """
-        offset = points[..., None, :] - self.centers
-        distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
-        return distance
+        if not self.are_discs:
+            raise TypeError("only discs have centers; see `points` and `first` for other obstacles")
+        return self.points
+
+    @property
+    def balls(self) -> tuple[Array, Array]:
+        """Centres (n, D) and radii (n,) [m] of balls that contain obstacles; discs are these."""
+        assert self._balls is not None
+        return self._balls
+
+    @property
+    def cores(self) -> Cores:
+        """The cores for compiled functions."""
+        if self.are_discs:
+            return Cores(np.empty((self.dimension, 0)), np.empty(0, np.int64), np.empty(0))
+        return Cores(np.ascontiguousarray(self.points.T), self.starts, self.radii)
+
+    def core(self, k: int) -> Array:
+        """Corners (m, D) of the core of obstacle k [m]."""
+        return self.points[self.starts[k] : self.starts[k + 1]]
+
+    def signed_distance(self, points: GenericArray) -> GenericArray:
+        """Distance of points (*batch, D) to each obstacle: (*batch, n) [m], negative inside.
+
+        Complex points give complex distances, so that the complex-step method works.
+        """
+        if self.are_discs:
+            offset = points[..., None, :] - self.points
+            distance: GenericArray = np.sqrt(np.sum(offset * offset, axis=-1)) - self.radii
+            return distance
+        return core_distance.signed_distance(points, self.cores)
 
     def are_free(self, points: Array) -> NDArray[np.bool_]:
-        """Whether all points of each set (*batch, k, D) are outside all discs: (*batch,)."""
+        """Whether all points of each set (*batch, k, D) are outside all obstacles: (*batch,)."""
         flat = np.ascontiguousarray(points.reshape(-1, *points.shape[-2:]))
-        return _are_free(flat, self.centers, self.radii).reshape(points.shape[:-2])
+        free = core_distance.are_free(flat, *self.balls, self.cores, tuple(range(self.dimension)))
+        return free.reshape(points.shape[:-2])
 
     def gradient(self, points: Array) -> Array:
-        """Unit vectors away from the centres: (*batch, n, D); zero at a centre."""
-        offset = points[..., None, :] - self.centers
+        """Gradient of `signed_distance` with respect to the point: (*batch, n, D).
+
+        Unit vectors away from the nearest point of each core; zero on a disc's centre.
+        """
+        if not self.are_discs:
+            return core_distance.gradient(points, self.cores)
+        offset = points[..., None, :] - self.points
         distance = np.sqrt(np.sum(offset * offset, axis=-1, keepdims=True))
         unit: Array = np.divide(offset, distance, out=np.zeros_like(offset), where=distance > 0.0)
         return unit
 
-    def near(self, point: ArrayLike, reach: float) -> Discs:
-        """The discs with a signed distance of at most `reach` [m] from a point (D,)."""
+    def near(self, point: ArrayLike, reach: float) -> Obstacles:
+        """The obstacles with a signed distance of at most `reach` [m] from a point (D,)."""
         point = np.asarray(point, dtype=np.float64)
         if len(self) <= MANY:
             return self.only(self.signed_distance(point) <= reach)
+        chosen = np.zeros(len(self), np.bool_)
         near = self._slab(point, reach)
-        apart = np.linalg.norm(self.centers[near] - point, axis=1) - self.radii[near]
-        near = near[apart <= reach]
-        return Discs(self.centers[near], self.radii[near])
+        chosen[near] = self.only_these(near).signed_distance(point) <= reach
+        return self.only(chosen)
 
     def _slab(self, point: Array, reach: float) -> NDArray[np.int64]:
-        """The discs near a point (D,) by their first coordinate alone, in their order."""
+        """The obstacles near a point (D,) by their first coordinate alone, in their order."""
+        centers, radii = self.balls
         if self._sorted is None:
-            order = np.argsort(self.centers[:, 0], kind="stable")
-            found = order, self.centers[order, 0], float(self.radii.max())
+            order = np.argsort(centers[:, 0], kind="stable")
+            found = order, centers[order, 0], float(radii.max())
             object.__setattr__(self, "_sorted", found)
         assert self._sorted is not None
         order, along, largest = self._sorted
@@ -161,25 +293,35 @@ class Discs:
         end = np.searchsorted(along, point[0] + room, side="right")
         return np.sort(order[first:end])
 
-    def only(self, keep: NDArray[np.bool_]) -> Discs:
+    def only(self, keep: NDArray[np.bool_]) -> Obstacles:
         """The obstacles that a mask (n,) selects."""
-        return Discs(self.centers[keep], self.radii[keep])
+        return self.only_these(np.flatnonzero(keep))
 
-    def grown(self, by: Array) -> Discs:
-        """The discs with radii increased by distances (n,) [m], 0 or more."""
-        return Discs(self.centers, self.radii + by)
+    def only_these(self, which: NDArray[np.int64]) -> Obstacles:
+        """The obstacles with these indices (m,), in this order."""
+        if self.are_discs:
+            return Obstacles(self.points[which], self.radii[which])
+        number = np.diff(self.starts)[which]
+        first = np.concatenate([[0], np.cumsum(number)])
+        corners = np.arange(first[-1]) + np.repeat(self.starts[which] - first[:-1], number)
+        return Obstacles(self.points[corners], self.radii[which], first)
 
-    def rescaled(self, origin: Array, scale: float) -> Discs:
-        """The discs moved so that a point (D,) [m] is the origin, and then scaled."""
-        return Discs(scale * (self.centers - origin), scale * self.radii)
+    def grown(self, by: Array) -> Obstacles:
+        """The obstacles with surfaces moved outwards by distances (n,) [m], 0 or more."""
+        return dataclasses.replace(self, radii=self.radii + by)
+
+    def rescaled(self, origin: Array, scale: float) -> Obstacles:
+        """The obstacles moved so that a point (D,) [m] is the origin, and then scaled."""
+        points = scale * (self.points - origin)
+        return dataclasses.replace(self, points=points, radii=scale * self.radii)
 
     def clearance(self, control: ArrayLike) -> Array:
         """Certified least signed distance along whole segments: (*batch,) [m]."""
         if len(self) <= MANY:
-            return clearance(control, self.centers, self.radii)
+            return obstacle_clearance(control, *self.balls, self.cores)
         control = as_control(control)
         if control.shape[-1] != self.dimension or control.size == 0:
-            return clearance(control, self.centers, self.radii)
+            return obstacle_clearance(control, *self.balls, self.cores)
         points = to_bezier(control).reshape(-1, self.dimension)
         # the curves lie in this ball around the middle of their Bézier points
         middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
@@ -187,12 +329,21 @@ class Discs:
         room = max(reach, 1e-9)
         while True:
             near = self.near(middle, reach + room)
-            least = clearance(control, near.centers, near.radii)
-            # all other discs are at least this far away
+            least = obstacle_clearance(control, *near.balls, near.cores)
+            # all other obstacles are at least this far away
             if len(near) == len(self) or (least <= room).all() or not math.isfinite(room):
                 return least
             room *= 2.0
 
     def closest(self, control: ArrayLike) -> tuple[Array, Array]:
-        """Certified clearance from each disc and its parameter: 2 x (*batch, n)."""
-        return closest(control, self.centers, self.radii)
+        """Certified clearance from each obstacle and its parameter: 2 x (*batch, n)."""
+        return closest(control, *self.balls, self.cores)
+
+
+def _of_corners(corners: Sequence[Array] | Array, radii: ArrayLike) -> Obstacles:
+    """Obstacles from the corners (m, D) of each core, which are in order."""
+    radii = real("radii", radii)
+    radii = np.full(len(corners), float(radii)) if radii.ndim == 0 else radii
+    number = [len(one) for one in corners]
+    points = np.concatenate(list(corners)) if len(corners) else np.empty((0, 2))
+    return Obstacles(points, radii, np.concatenate([[0], np.cumsum(number, dtype=np.int64)]))

@@ -17,7 +17,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 FIELDS = (1, 2, 3, 4)
 
@@ -62,7 +62,7 @@ def draw_discs(
     designs: tuple[int, ...] = (25, 25),
     smallest: float = 3.0,
     largest: float = 7.0,
-) -> Discs:
+) -> Obstacles:
     """Discs by the paper's recipe: Latin hypercubes on [5, 95]^2, uniform radii [m].
 
     Args:
@@ -76,7 +76,7 @@ def draw_discs(
     """
     centers = np.vstack([np.empty((0, 2)), *(latin_hypercube(stream, n) for n in designs)])
     radii = smallest + (largest - smallest) * stream.random_sample(len(centers))
-    return Discs(90.0 * centers + 5.0, radii)
+    return Obstacles.discs(90.0 * centers + 5.0, radii)
 
 
 def paper_field(number: int) -> Field:
@@ -119,10 +119,10 @@ def is_from_paper(field: Field) -> bool:
     """
     family, _, number = field.name.partition(":")
     known = family == "paper" and number in map(str, FIELDS)
-    if not known or not isinstance(field.obstacles, Discs):
+    if not known or not field.obstacles.are_discs:
         return False
     own = paper_field(int(number))
-    assert isinstance(own.obstacles, Discs)
+    assert own.obstacles.are_discs
     pairs = (
         (field.obstacles.centers, own.obstacles.centers),
         (field.obstacles.radii, own.obstacles.radii),

@@ -14,7 +14,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field import GOAL, START, Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
 
 SPLITS = ("train", "validation", "test")
@@ -25,7 +25,7 @@ LAST_SEED = 2**63 - 1
 class Recipe(Protocol):
     """Draws the discs of a field from a stream of random numbers."""
 
-    def __call__(self, stream: np.random.RandomState) -> Discs:
+    def __call__(self, stream: np.random.RandomState) -> Obstacles:
         """Discs of one field."""
 
 
@@ -52,12 +52,12 @@ class Scattered:
                 f"or goal), got {self.smallest} and {self.largest}"
             )
 
-    def __call__(self, stream: np.random.RandomState) -> Discs:
+    def __call__(self, stream: np.random.RandomState) -> Obstacles:
         """Discs of one field."""
         return draw_discs(stream, self.designs, self.smallest, self.largest)
 
 
-def traps(stream: np.random.RandomState) -> Discs:
+def traps(stream: np.random.RandomState) -> Obstacles:
     """Five pockets, arcs of overlapping discs that open towards the start, and 12 discs.
 
     A pocket is an arc of 200 to 260 degrees with a radius of 9 to 13 m; its mouth turns up
@@ -76,11 +76,13 @@ def traps(stream: np.random.RandomState) -> Discs:
             centers.append(center.round(9))  # sine and cosine differ between C libraries
             radii.append(thickness)
     single = draw_discs(stream, (6, 6), largest=5.0)
-    every = Discs(np.vstack([*centers, single.centers]), np.concatenate([radii, single.radii]))
+    every = Obstacles.discs(
+        np.vstack([*centers, single.centers]), np.concatenate([radii, single.radii])
+    )
     # inside [5, 95] no ring of discs can close around start or goal
     inside = ((every.centers >= 5.0) & (every.centers <= 95.0)).all(axis=1)
     room = every.signed_distance(np.array([START, GOAL])).min(axis=0) >= 6.0
-    return Discs(every.centers[inside & room], every.radii[inside & room])
+    return Obstacles.discs(every.centers[inside & room], every.radii[inside & room])
 
 
 SUITES: dict[str, Recipe] = {
@@ -108,7 +110,7 @@ def suite_field(suite: str, split: str, seed: int) -> Field:
     return Field(name=f"{suite}/{split}:{seed}", obstacles=discs)
 
 
-def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None) -> Discs:
+def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None) -> Obstacles:
     """The discs of a suite's field, or those that another recipe draws from its stream.
 
     Raises:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 
 def touching_pairs(field: Field) -> NDArray[np.int64]:
@@ -22,7 +22,7 @@ def touching_pairs(field: Field) -> NDArray[np.int64]:
         (n, 2) indices of discs, the lower one first; empty for other obstacles.
     """
     discs = field.obstacles
-    if not isinstance(discs, Discs) or len(discs) < 2:
+    if not discs.are_discs or len(discs) < 2:
         return np.empty((0, 2), np.int64)
     tolerance = field.limits.tolerance
     near = _near_pairs(discs, tolerance)
@@ -33,7 +33,7 @@ def touching_pairs(field: Field) -> NDArray[np.int64]:
     return touching
 
 
-def _near_pairs(discs: Discs, tolerance: float) -> NDArray[np.int64]:
+def _near_pairs(discs: Obstacles, tolerance: float) -> NDArray[np.int64]:
     """Pairs (n, 2) that hold all discs that touch, and not many others.
 
     Discs are searched by classes of radii within a factor of 2, so that a few large discs do not

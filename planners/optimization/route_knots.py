@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Limits, State
-from ferguson_gym.world.obstacles import Discs, Obstacles
+from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.knot_costs import (
     DEPTH_PRICE,
     Grid,
@@ -72,7 +72,7 @@ def turn_aligned(
     Raises:
         TypeError: obstacles other than discs.
     """
-    if not isinstance(discs, Discs):
+    if not discs.are_discs:
         raise TypeError(f"guesses along turns need discs, not {type(discs).__name__}")
     grid = _grid(points, discs, limits)
     last = len(grid.points) // 2
@@ -102,7 +102,7 @@ def turn_aligned(
             yield chain
 
 
-def _grid(points: Array, discs: Discs, limits: Limits) -> Grid:
+def _grid(points: Array, discs: Obstacles, limits: Limits) -> Grid:
     """Knots and the points halfway between them, on a route (m, 2), with the discs nearby."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(chords)])
@@ -123,7 +123,7 @@ def _grid(points: Array, discs: Discs, limits: Limits) -> Grid:
     )
 
 
-def _near(points: Array, discs: Discs, reach: float) -> Array:
+def _near(points: Array, discs: Obstacles, reach: float) -> Array:
     """Discs (points, most, 3), centre and radius, at most `reach` [m] from each point.
 
     Rows of missing discs have the radius -1.
@@ -152,7 +152,7 @@ def _near(points: Array, discs: Discs, reach: float) -> Array:
 def _by_entry(
     grid: Grid,
     state: State,
-    discs: Discs,
+    discs: Obstacles,
     limits: Limits,
     speeds: Array,
     price: float,

@@ -28,7 +28,6 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
 
 CELLS = 32
 """Cells along each side of the grid that stores which discs are near a point."""
@@ -203,7 +202,7 @@ def chain_objective(
         TypeError: obstacles other than discs in the plane.
     """
     discs = field.obstacles
-    if not isinstance(discs, Discs) or discs.dimension != 2:
+    if not discs.are_discs or discs.dimension != 2:
         raise TypeError(f"swarms support discs in the plane, not {type(discs).__name__}")
     base, reach = encoding.arrays(field, vehicle)
     limits = field.limits

@@ -15,11 +15,11 @@ from ferguson_gym.simulation import batch_simulator
 from ferguson_gym.simulation.settings import ARGUMENTS, CHANGEABLE
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
 AHEAD = np.zeros(4, np.float32)
-OPEN = Field(name="open", obstacles=Discs([], []), goal=[6.0, 6.0])
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []), goal=[6.0, 6.0])
 
 
 def actions(stream: np.random.Generator, number: int) -> np.ndarray:
@@ -63,7 +63,7 @@ def test_gate_and_segments_of_a_flight_are_those_of_its_reset() -> None:
         _, _, terminated, _, info = env.step(np.array([-0.05, 0.0, 0.0, 0.0], np.float32))
         assert info["is_success"] == terminated == (gate > 0.0)
     env.segments = 60
-    wide = Field(name="wide", obstacles=Discs([], []), start=[50.0, 50.0])
+    wide = Field(name="wide", obstacles=Obstacles.discs([], []), start=[50.0, 50.0])
     env.reset(options={"field": wide})
     left = np.array([-0.3, 0.3, 0.0, 0.0], np.float32)
     for k in range(1, 6):

@@ -17,13 +17,13 @@ from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 COPIES: dict[str, Callable[[Any], Any]] = {
     "deepcopy": copy.deepcopy,
     "pickle": lambda env: pickle.loads(pickle.dumps(env)),
 }
-OWN = Field(name="own", obstacles=Discs([[60.0, 40.0]], [5.0]), goal=[13.0, 13.0])
+OWN = Field(name="own", obstacles=Obstacles.discs([[60.0, 40.0]], [5.0]), goal=[13.0, 13.0])
 
 
 def actions(stream: np.random.Generator, *shape: int) -> np.ndarray:

@@ -14,12 +14,12 @@ from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import suite_field
 
 STILL = np.zeros(4, np.float32)
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 def fly(env: ObstacleField, actions: list[np.ndarray]) -> tuple[float, bool, bool, dict]:
@@ -159,7 +159,7 @@ def test_observations_stay_in_their_space_and_steps_repeat(seed: int) -> None:
 def test_the_observation_turns_with_the_vehicle() -> None:
     ahead = Field(
         name="ahead",
-        obstacles=Discs([[50.0, 30.0], [30.0, 50.0]], [4.0, 2.0]),
+        obstacles=Obstacles.discs([[50.0, 30.0], [30.0, 50.0]], [4.0, 2.0]),
         start=[30.0, 30.0],
         goal=[80.0, 30.0],
         start_derivative=[6.6, 0.0],
@@ -195,7 +195,7 @@ def test_a_refused_segment_ends_the_flight_where_it_was(
     end: list[float], derivative: list[float], outcome: Outcome
 ) -> None:
     env = ObstacleField()
-    env.reset(options={"field": Field(name="disc", obstacles=Discs([[8.0, 8.0]], [3.0]))})
+    env.reset(options={"field": Field(name="disc", obstacles=Obstacles.discs([[8.0, 8.0]], [3.0]))})
     before = env.state
     action = toward(env, np.array(end), np.array(derivative))
     _, reward, terminated, truncated, info = env.step(action)

@@ -17,12 +17,12 @@ from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.field_pool import MAX_FIELDS, FieldPool
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
-ONE = Field(name="one", obstacles=Discs([[30.0, 30.0]], [4.0]))
+ONE = Field(name="one", obstacles=Obstacles.discs([[30.0, 30.0]], [4.0]))
 WIDE = Field(
     name="wide",
-    obstacles=Discs(np.full((60, 2), 150.0), np.ones(60)),
+    obstacles=Obstacles.discs(np.full((60, 2), 150.0), np.ones(60)),
     start=[5.0, 5.0],
     goal=[190.0, 150.0],
     bounds=[0.0, 200.0],
@@ -182,7 +182,10 @@ def test_a_pool_of_more_obstacles_than_the_capacity_is_refused() -> None:
     with pytest.raises(ValueError, match="up to 60 obstacles, more than capacity=50"):
         VectorObstacleField(2, fields=[WIDE], capacity=50)
     space = Field(
-        name="space", obstacles=Discs(np.empty((0, 3)), []), start=np.zeros(3), goal=np.ones(3) * 9
+        name="space",
+        obstacles=Obstacles.discs(np.empty((0, 3)), []),
+        start=np.zeros(3),
+        goal=np.ones(3) * 9,
     )
     with pytest.raises(ValueError, match="flights are planar, field space has 3 dimensions"):
         ObstacleField(fields=[space])

@@ -14,30 +14,22 @@ from ferguson_gym.environment import ObstacleField
 from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.suites import suite_field
 
 BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
 """A segment that is refused."""
 SOME = np.array([True, False, False])
-WIDE = Field(name="wide", obstacles=Discs(np.full((51, 2), 60.0), np.ones(51)))
+WIDE = Field(name="wide", obstacles=Obstacles.discs(np.full((51, 2), 60.0), np.ones(51)))
 SPACE = Field(
-    name="space", obstacles=Discs(np.empty((0, 3)), []), start=np.zeros(3), goal=np.ones(3) * 9
+    name="space",
+    obstacles=Obstacles.discs(np.empty((0, 3)), []),
+    start=np.zeros(3),
+    goal=np.ones(3) * 9,
 )
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 FLAT = suite_field("sparse", "train", 0)
 
-
-class Walls:
-    """Obstacles of another kind."""
-
-    dimension = 2
-
-    def __len__(self) -> int:
-        return 0
-
-
-WALLS = Field(name="walls", obstacles=Walls())
 
 BAD_RESETS: list[tuple[dict, str]] = [
     ({"seed": -1}, "a seed is an integer from 0 to .* got -1"),
@@ -61,7 +53,7 @@ BAD_RESETS: list[tuple[dict, str]] = [
     ({"seed": 5, "options": {"field": [FLAT, None, 7]}}, "must be a Field .* got int"),
     ({"seed": 5, "options": {"field": WIDE}}, "field wide has 51 obstacles, .* capacity=51"),
     ({"seed": 5, "options": {"field": [FLAT, None, SPACE]}}, "planar, field space has 3 dim"),
-    ({"seed": 5, "options": {"field": [FLAT, None, WALLS]}}, "supports discs only, not Walls"),
+    ({"seed": 5, "options": {"field": [FLAT, None, SPACE]}}, "planar, field space has 3 dim"),
     ({"seed": 5, "options": {"reset_mask": [True] * 3}}, "must be a NumPy array of bool"),
     ({"seed": 5, "options": {"reset_mask": np.ones(3)}}, "must be a NumPy array of bool"),
     ({"seed": 5, "options": {"reset_mask": SOME[:2]}}, r"must have shape \(3,\), got \(2,\)"),
@@ -152,7 +144,6 @@ def test_bad_actions_are_refused_and_nothing_changes(actions: Any, message: str)
         ({"seed": 5, "options": {"wind": 3}}, "unknown reset options"),
         ({"seed": 5, "options": []}, r"reset options are a dictionary with 'field', .* got \[\]"),
         ({"seed": 5, "options": {"field": SPACE}}, "planar, field space has 3 dimensions"),
-        ({"seed": 5, "options": {"field": WALLS}}, "supports discs only, not Walls"),
     ],
 )
 def test_the_scalar_environment_refuses_alike(arguments: dict, message: str) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym import Field, ObstacleField, VectorObstacleField, get_field
-from ferguson_gym.world import Discs, advance, encode, fly_segment, initial_state
+from ferguson_gym.world import Obstacles, advance, encode, fly_segment, initial_state
 from planners.interface import initial_state as planner_state
 from planners.registry import make
 from tests.support.scaled_fields import MOTIONS, Motion
@@ -86,7 +86,7 @@ def test_environments_side_by_side_have_fields_of_different_scales() -> None:
 def test_a_field_has_its_own_gate_and_number_of_segments() -> None:
     ahead = Field(
         name="ahead",
-        obstacles=Discs([], []),
+        obstacles=Obstacles.discs([], []),
         goal=[20.0, 0.0],
         limits={"gate": 2.5, "segments": 3},
     )
@@ -105,7 +105,9 @@ def test_a_field_has_its_own_gate_and_number_of_segments() -> None:
 
 
 def test_long_fields_have_room_for_their_segments() -> None:
-    far = Field(name="far", obstacles=Discs([], []), goal=[1000.0, 0.0], bounds=(-10.0, 1010.0))
+    far = Field(
+        name="far", obstacles=Obstacles.discs([], []), goal=[1000.0, 0.0], bounds=(-10.0, 1010.0)
+    )
     assert far.limits.segments == 283
     env = ObstacleField(fields=far)
     assert env.settings.max_segments == 283

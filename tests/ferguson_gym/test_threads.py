@@ -20,11 +20,11 @@ from ferguson_gym.simulation.batch_simulator import BLOCK
 from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.places import ROOT
 from tests.support.waiting import until
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -16,12 +16,12 @@ from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 
 BACK = np.array([-1.0, 0.0, 0.0, 0.0], np.float32)
 """A segment that is refused."""
-OPEN = Field(name="open", obstacles=Discs([], []), start=[50.0, 50.0])
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []), start=[50.0, 50.0])
 LEFT = np.array([-0.3, 0.3, 0.0, 0.0], np.float32)
 """A segment of a circle that stays inside the bounds."""
 NEXT_STEP, SAME_STEP, DISABLED = (

@@ -13,7 +13,7 @@ from ferguson_gym.simulation import batch_simulator
 from ferguson_gym.simulation.settings import INFOS
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import SUITES, suite_field
 
@@ -26,7 +26,7 @@ KINDS: dict[str, dict] = {
 }
 DTYPES = {"is_success": bool, "outcome": np.int64, "segments": np.int64}
 # the goal lies straight ahead, so that flights without steering reach it
-NEAR = Field(name="near", obstacles=Discs([[60.0, 40.0]], [5.0]), goal=[13.0, 13.0])
+NEAR = Field(name="near", obstacles=Obstacles.discs([[60.0, 40.0]], [5.0]), goal=[13.0, 13.0])
 
 
 def pair(number: int, mode: AutoresetMode, **arguments: Any) -> tuple:

@@ -12,7 +12,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from numpy.typing import NDArray
 
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 
 SPECIAL = (
@@ -147,7 +147,7 @@ def fields(draw: DrawFn, most: int = 8) -> Field:
     assume(np.linalg.norm(goal - start) > 0.0)
     return Field(
         name="drawn",
-        obstacles=Discs(
+        obstacles=Obstacles.discs(
             np.array([center for center, _ in kept]).reshape(-1, 2),
             np.array([radius for _, radius in kept]),
         ),
@@ -182,7 +182,7 @@ def vehicles(draw: DrawFn, field: Field) -> State:
     if kind == "edge":
         position = np.where(share < 0.5, low, low + share * (high - low))
     if kind == "disc" and len(field.obstacles):
-        assert isinstance(field.obstacles, Discs)
+        assert field.obstacles.are_discs
         position = field.obstacles.centers[0] + (share - 0.5) * field.obstacles.radii[0]
     if draw(st.booleans()):
         derivative = draw(slopes(0.0))

@@ -17,7 +17,7 @@ from ferguson_gym.world import field_names, suites
 from ferguson_gym.world.feasibility import inspect, is_feasible
 from ferguson_gym.world.field import Field, from_json, to_json
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.fuzz.cases import attempt, fuzzed
 from tests.fuzz.strategies import (
     JSON,
@@ -86,7 +86,11 @@ def test_a_field_of_anything_is_sound_or_refused(
     centers: Any, radii: Any, options: dict[str, Any], sound: bool
 ) -> None:
     with np.errstate(all="ignore"):
-        discs = Discs([[40.0, 50.0]], [5.0]) if sound else attempt(Discs, centers, radii)
+        discs = (
+            Obstacles.discs([[40.0, 50.0]], [5.0])
+            if sound
+            else attempt(Obstacles.discs, centers, radii)
+        )
         if discs is None:
             return
         field = attempt(Field, name="any", obstacles=discs, **options)
@@ -103,8 +107,8 @@ def test_fields_that_are_accepted_are_sound_and_come_back_from_json(
     again = from_json(place)
     for key in ("start", "goal", "bounds", "start_derivative"):
         np.testing.assert_array_equal(getattr(again, key), getattr(field, key))
-    assert isinstance(again.obstacles, Discs)
-    assert isinstance(field.obstacles, Discs)
+    assert again.obstacles.are_discs
+    assert field.obstacles.are_discs
     np.testing.assert_array_equal(again.obstacles.centers, field.obstacles.centers)
 
 

@@ -13,7 +13,6 @@ from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
 from ferguson_gym.world.transition import State as Vehicle
 from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.interface import Evaluations, Iterations, Plan, Planner, State, Status
@@ -165,7 +164,7 @@ def test_a_distance_to_go_is_at_least_the_straight_one(
 ) -> None:
     togo = DistanceToGoal(field)
     distance, gradient = togo(points)
-    assert isinstance(field.obstacles, Discs)
+    assert field.obstacles.are_discs
     size = float(np.abs(field.bounds).max()) + float(field.obstacles.radii.max(initial=0.0))
     straight = np.linalg.norm(np.array(points) - field.goal, axis=-1)
     assert (distance >= straight - 1e-6 - 1e-8 * size).all()

@@ -8,13 +8,13 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, Status, initial_state
 from planners.registry import PLANNERS, make
 from tests.support.checked_plans import assert_may_be_flown, planned
 from tests.support.quick_planners import quick
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
@@ -71,7 +71,7 @@ def test_planning_from_near_the_goal(planner: str, distance: float) -> None:
     ],
 )
 def test_a_start_heading_away_is_planned_or_stuck(planner: str, options: dict) -> None:
-    field = Field(name="astray", obstacles=Discs([[6.0, 6.0]], [5.0]), **options)
+    field = Field(name="astray", obstacles=Obstacles.discs([[6.0, 6.0]], [5.0]), **options)
     plan = quick(planner).plan(field, initial_state(field), 0)
     assert is_feasible(plan.control, field).all()
     assert plan.success == (plan.path is not None)

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State as Vehicle
 from planners.interface import State, Status
 from tests.support.quick_planners import quick
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 CLOSE = Field(
     name="close",
-    obstacles=Discs([], []),
+    obstacles=Obstacles.discs([], []),
     goal=np.array([1e-7, 0.0]),
     start_derivative=np.array([5.0, 0.0]),
 )

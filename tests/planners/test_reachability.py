@@ -6,15 +6,17 @@ import numpy as np
 import pytest
 
 import planners
-from ferguson_gym.world import Discs, Field, Limits
+from ferguson_gym.world import Field, Limits, Obstacles
 from planners import Status, reachability
 from planners.interface import initial_state
 from planners.reachability import explained, start_hint, unreachable_plan
 
 ANGLES = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
 CIRCLE = 50.0 + 30.0 * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-RING = Field(name="ring", obstacles=Discs(CIRCLE, np.full(40, 3.0)), start=np.array([50.0, 50.0]))
-EMPTY = Discs(np.empty((0, 2)), np.empty(0))
+RING = Field(
+    name="ring", obstacles=Obstacles.discs(CIRCLE, np.full(40, 3.0)), start=np.array([50.0, 50.0])
+)
+EMPTY = Obstacles.discs(np.empty((0, 2)), np.empty(0))
 
 
 def straight(distance: float) -> Field:
@@ -32,7 +34,7 @@ def test_a_closed_ring_has_no_way_for_any_planner(name: str) -> None:
 
 
 def test_an_open_ring_has_a_way() -> None:
-    assert isinstance(RING.obstacles, Discs)
+    assert RING.obstacles.are_discs
     keep = np.arange(40) > 2
     field = replace(RING, obstacles=RING.obstacles.only(keep))
     assert unreachable_plan(field) is None
@@ -59,7 +61,7 @@ def test_a_goal_beyond_all_segments_is_reported_before_planning(
 def test_a_detour_beyond_all_segments_explains_a_failure() -> None:
     # a wall between start and goal that leaves only a long way around
     centers = np.column_stack([np.full(16, 5.0), np.arange(-40.0, 120.0, 10.0)])
-    wall = Discs(centers, np.full(16, 7.0))
+    wall = Obstacles.discs(centers, np.full(16, 7.0))
     field = Field(
         name="wall",
         obstacles=wall,
@@ -76,7 +78,7 @@ def test_a_detour_beyond_all_segments_explains_a_failure() -> None:
 
 
 def test_a_start_that_heads_into_a_disc_is_named() -> None:
-    discs = Discs([[-9.0, 0.0], [3.0, 0.0]], [9.0, 3.0])
+    discs = Obstacles.discs([[-9.0, 0.0], [3.0, 0.0]], [9.0, 3.0])
     goal, bounds = np.array([50.0, 0.0]), np.array([-60.0, 60.0])
     field = Field(name="touch", obstacles=discs, goal=goal, bounds=bounds)
     assert start_hint(field).startswith("the start touches obstacle 1, and the start derivative")
@@ -89,12 +91,12 @@ def test_a_start_that_heads_into_a_disc_is_named() -> None:
 
 
 def test_a_start_close_to_an_obstacle_ahead_gets_a_hint() -> None:
-    ahead = Discs([[1.0, 1.0]], [np.sqrt(2.0) - 0.2])
+    ahead = Obstacles.discs([[1.0, 1.0]], [np.sqrt(2.0) - 0.2])
     hint = start_hint(Field(name="close", obstacles=ahead))
     assert hint.startswith(
         "obstacle 0 is 0.2 m from the start, and the start derivative heads into"
     )
-    aside = Discs([[1.0, -1.0]], [np.sqrt(2.0) - 0.2])
+    aside = Obstacles.discs([[1.0, -1.0]], [np.sqrt(2.0) - 0.2])
     assert start_hint(Field(name="aside", obstacles=aside)) == ""
-    farther = Discs([[2.0, 2.0]], [2.0 * np.sqrt(2.0) - 0.5])
+    farther = Obstacles.discs([[2.0, 2.0]], [2.0 * np.sqrt(2.0) - 0.5])
     assert start_hint(Field(name="farther", obstacles=farther)) == ""

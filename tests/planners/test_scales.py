@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.shortest_paths import exact_length
-from ferguson_gym.world import Discs, Field, get_field, inspect, is_feasible
+from ferguson_gym.world import Field, Obstacles, get_field, inspect, is_feasible
 from planners.contract import check_planner
 from planners.interface import Plan, initial_state
 from planners.registry import make
@@ -108,7 +108,7 @@ def test_decisions_and_routes_are_those_of_the_field(name: str) -> None:
 
 
 def test_a_goal_that_a_disc_touches_is_reached_at_any_scale() -> None:
-    field = Field(name="touched", obstacles=Discs([[100.0, 95.0]], [5.0]))
+    field = Field(name="touched", obstacles=Obstacles.discs([[100.0, 95.0]], [5.0]))
     for motion in MOTIONS.values():
         assert planned("guided", motion.field(field)).success
 
@@ -128,7 +128,7 @@ def test_strides_are_longer_where_few_segments_are_left(name: str, seed: int) ->
 
 @pytest.mark.parametrize("name", ["guided", "shortest", "pursuit"])
 def test_two_kilometres_are_flown(name: str) -> None:
-    discs = Discs([[700.0, 710.0], [1000.0, 980.0]], [30.0, 40.0])
+    discs = Obstacles.discs([[700.0, 710.0], [1000.0, 980.0]], [30.0, 40.0])
     far = Field(name="far", obstacles=discs, goal=[1414.0, 1414.0], bounds=(-10.0, 1424.0))
     plan = planned(name, far)
     assert plan.path is not None

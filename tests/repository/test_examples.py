@@ -20,7 +20,6 @@ from ferguson_gym.curves.path import Path as Curve
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
 from planners.interface import initial_state
 from tests.support.places import ROOT
 
@@ -146,7 +145,7 @@ def test_the_cover_holds_all_walls(cell: float, run: Run) -> None:
     stream = np.random.default_rng(0)
     buildings = np.column_stack([stream.uniform(0, 80, (8, 2)), stream.uniform(1, 30, (8, 2))])
     discs = names["cover"](buildings, cell)
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     t = np.linspace(0.0, 1.0, 400)
     for x, y, width, depth in buildings:
         for side in ((x + t * width, y + 0 * t), (x + t * width, y + depth + 0 * t)):

@@ -4,7 +4,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 KINDS = ("square", "hexagonal", "jittered", "rotated")
 
@@ -32,7 +32,7 @@ def lattice(seed: int, lanes: tuple[float, float] = (0.3, 1.2)) -> Field:
         centers += stream.uniform(-0.4, 0.4, centers.shape) * lane
         radii *= stream.uniform(0.9, 1.0, len(radii))
     inside = ((centers > -5.0) & (centers < 105.0)).all(axis=1)
-    discs = Discs(centers[inside], radii[inside])
+    discs = Obstacles.discs(centers[inside], radii[inside])
     return Field(
         name=f"{kind} lattice {seed}",
         obstacles=discs,
@@ -47,13 +47,13 @@ def narrow_lanes() -> Field:
     centers = np.stack(np.meshgrid(middle, middle, indexing="ij"), axis=-1).reshape(-1, 2)
     radius, ends = 2.35 * 0.99, np.array([[0.0, 5.0], [100.0, 95.0]])
     apart = np.linalg.norm(centers[:, None] - ends, axis=2).min(axis=1) >= radius
-    discs = Discs(centers[apart], np.full(int(apart.sum()), radius))
+    discs = Obstacles.discs(centers[apart], np.full(int(apart.sum()), radius))
     return Field(name="narrow lanes", obstacles=discs, start=ends[0], goal=ends[1])
 
 
 def _free_point(
     stream: np.random.RandomState,
-    discs: Discs,
+    discs: Obstacles,
     low: tuple[float, float],
     high: tuple[float, float],
 ) -> Array:

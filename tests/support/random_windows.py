@@ -6,7 +6,7 @@ import numpy as np
 
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from planners.optimization.initial_guesses import random_chains
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
@@ -86,7 +86,10 @@ def random_field(stream: np.random.Generator, discs: int) -> Field:
     for point in (start, goal):
         clear &= np.linalg.norm(centers - point, axis=1) >= radii
     return Field(
-        name="random", obstacles=Discs(centers[clear], radii[clear]), start=start, goal=goal
+        name="random",
+        obstacles=Obstacles.discs(centers[clear], radii[clear]),
+        start=start,
+        goal=goal,
     )
 
 

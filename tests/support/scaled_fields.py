@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.world import Discs, Field
+from ferguson_gym.world import Field, Obstacles
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,11 +28,11 @@ class Motion:
 
     def field(self, field: Field) -> Field:
         """The image of a field of discs, with its limits."""
-        assert isinstance(field.obstacles, Discs)
+        assert field.obstacles.are_discs
         corners = self.points(field.bounds)
         return Field(
             name=field.name,
-            obstacles=Discs(
+            obstacles=Obstacles.discs(
                 self.points(field.obstacles.centers), self.scale * field.obstacles.radii
             ),
             start=self.points(field.start),

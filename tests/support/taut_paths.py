@@ -9,7 +9,7 @@ from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 
 def random_field(
@@ -19,9 +19,11 @@ def random_field(
     stream = np.random.default_rng(seed)
     centers = stream.uniform(-10.0, 110.0, (discs, 2))
     radii = stream.uniform(0.5, largest, discs)
-    every = Discs(centers, radii)
+    every = Obstacles.discs(centers, radii)
     free = (every.signed_distance(np.array([start, (100.0, 100.0)])) > 0.0).all(axis=0)
-    return Field(name=f"random {seed}", obstacles=Discs(centers[free], radii[free]), start=start)
+    return Field(
+        name=f"random {seed}", obstacles=Obstacles.discs(centers[free], radii[free]), start=start
+    )
 
 
 # few values, so that discs coincide, touch, contain and align with each other
@@ -38,7 +40,7 @@ def fields(draw: st.DrawFn, most: int = 12) -> Field:
     every = np.array(discs).reshape(-1, 3)
     apart = np.linalg.norm(every[:, None, :2] - ends, axis=-1)
     free = (apart >= every[:, 2:]).all(axis=1)
-    return Field(name="drawn", obstacles=Discs(every[free, :2], every[free, 2]))
+    return Field(name="drawn", obstacles=Obstacles.discs(every[free, :2], every[free, 2]))
 
 
 @st.composite
@@ -59,7 +61,7 @@ def walls(draw: st.DrawFn) -> np.ndarray:
 def assert_is_taut(path: ShortestPath, field: Field, depth: float = 2e-7) -> None:
     """Pieces join without a corner, enter no disc, stay inside the bounds and add up."""
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     spans = path.lines[:, 1] - path.lines[:, 0]
     long = np.linalg.norm(spans, axis=1)
     np.testing.assert_allclose(long.sum() + path.radii @ path.sweeps, path.length, rtol=1e-9)
@@ -92,7 +94,7 @@ def assert_is_taut(path: ShortestPath, field: Field, depth: float = 2e-7) -> Non
 def line_depth(starts: np.ndarray, ends: np.ndarray, field: Field) -> np.ndarray:
     """How deep lines (n, 2) run in discs or out of the bounds [m], negative where they do not."""
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     span = (ends - starts)[:, None]
     share = ((discs.centers - starts[:, None]) * span).sum(axis=-1)
     share /= np.maximum((span**2).sum(axis=-1), 1e-300)
@@ -105,7 +107,7 @@ def line_depth(starts: np.ndarray, ends: np.ndarray, field: Field) -> np.ndarray
 
 def field_of(centers: object, radii: object, **options: object) -> Field:
     """A field of discs."""
-    return Field(name="of discs", obstacles=Discs(centers, radii), **options)  # type: ignore[arg-type]
+    return Field(name="of discs", obstacles=Obstacles.discs(centers, radii), **options)  # type: ignore[arg-type]
 
 
 def found(field: Field) -> ShortestPath:

@@ -12,7 +12,7 @@ from agents.flights.field_changes import FieldChanges
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import ShortestPath, shortest_path
 from ferguson_gym.svg.path_data import Whole, chain_data, pair, whole
-from ferguson_gym.world import Discs, field_names
+from ferguson_gym.world import field_names
 from ferguson_gym.world.field import BOUNDS, Field
 
 
@@ -46,7 +46,7 @@ def draw_field(name: str, fields: Mapping[str, Field], changes: FieldChanges) ->
         return drawn
     drawn["bounds"] = _centimetres(field.bounds).ravel().tolist()
     drawn["start"], drawn["goal"] = (_centimetres(p).tolist() for p in (field.start, field.goal))
-    if isinstance(field.obstacles, Discs):
+    if field.obstacles.are_discs:
         discs = np.column_stack([field.obstacles.centers, field.obstacles.radii])
         drawn["discs"] = _centimetres(discs).ravel().tolist()
         shortest = shortest_path(field)

@@ -23,7 +23,7 @@ from ferguson_gym.curves import evaluate
 from ferguson_gym.rendering import drawing
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import DistanceToGoal
-from ferguson_gym.world import Discs, Field
+from ferguson_gym.world import Field
 
 SIZE = 720
 """Pixels along the longer side of the field; narrow fields get room for the caption below."""
@@ -126,7 +126,7 @@ class Painter:
 
 def _distance_to_go(field: Field) -> DistanceToGoal | None:
     """The distance to the goal; None unless all obstacles are planar discs."""
-    return DistanceToGoal(field) if isinstance(field.obstacles, Discs) else None
+    return DistanceToGoal(field) if field.obstacles.are_discs else None
 
 
 def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:

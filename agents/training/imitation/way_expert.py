@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ferguson_gym.curves.certified_kernels import make_scratch
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.simulation.field_store import FieldArrays
+from ferguson_gym.simulation.field_store import FieldArrays, cores_of
 from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
 from ferguson_gym.simulation.step_buffers import Records
 from ferguson_gym.simulation.step_kernel import limits_of
@@ -85,7 +85,7 @@ def _certify(
         follows: (m,) whether there is one that follows.
         fine: (m,), filled.
     """
-    scratch = make_scratch((0, 1), fields.discs.shape[2])
+    scratch = make_scratch((0, 1), fields.discs.shape[2], fields.corners.shape[2])
     control = np.empty((4, 2))
     for i in range(len(flights)):
         flight = flights[i]
@@ -105,6 +105,7 @@ def _certify(
                 field.bounds,
                 fields.discs[slot, :2],
                 fields.discs[slot, 2],
+                cores_of(fields, slot),
                 limits,
                 np.inf,
                 scratch,

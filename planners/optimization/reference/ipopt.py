@@ -21,7 +21,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.optional_dependencies import installing
-from ferguson_gym.world import Discs, Limits
+from ferguson_gym.world import Limits
 from planners.optimization.certification import Solution
 from planners.optimization.chain import Chain
 from planners.optimization.nonlinear_program import Problem, Program
@@ -171,7 +171,7 @@ def _discs(problem: Problem) -> tuple[Array, Array]:
     """Centres and radii of the sampled discs."""
     for constraint in problem.constraints:
         if isinstance(constraint, SampledClearance):
-            if not isinstance(constraint.obstacles, Discs):
+            if not constraint.obstacles.are_discs:
                 raise TypeError(f"IPOPT needs discs, not {type(constraint.obstacles).__name__}")
             return constraint.obstacles.centers, constraint.obstacles.radii
     return np.empty((0, 2)), np.empty(0)
@@ -212,7 +212,7 @@ def _parameters(problem: Problem) -> Array:
             place, size_of = np.zeros((len(rows), 2)), np.full(len(rows), constraint.slowest)
         else:
             discs = constraint.obstacles
-            assert isinstance(discs, Discs)
+            assert discs.are_discs
             place, size_of = discs.centers[constraint.obstacle], discs.radii[constraint.obstacle]
         weights, around = np.vstack([weights, rows]), np.vstack([around, place])
         least = np.concatenate([least, size_of])

@@ -28,7 +28,6 @@ import numpy as np
 
 from ferguson_gym.curves.arc_length import length as certified_length
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.obstacles import Discs
 from planners.optimization.certification import target_tolerance
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp import elastic_qp
@@ -107,9 +106,9 @@ class Search:
     def __init__(self, options: ElasticSqp, window: Window, until: float) -> None:
         """Prepare searches that stop at `until` [s] on the clock of `time.perf_counter`."""
         discs, chain = window.obstacles, window.chain
-        if not isinstance(discs, Discs):
+        if not discs.are_discs:
             raise TypeError(
-                f"this solver needs discs, not {type(discs).__name__}; "
+                "this solver needs discs, not other shapes; "
                 "planners.optimization.reference.exchange.ByExchange solves windows among any "
                 "obstacles"
             )

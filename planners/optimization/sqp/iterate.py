@@ -9,7 +9,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.sqp.expansion import Expansion, Layout, empty_expansion
 from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import Window
@@ -107,7 +107,7 @@ def agreement(here: Iterate, there: Iterate, decrease: float) -> float:
     return max(ratio, 1e-3) if there.violation < 0.9 * here.violation else ratio
 
 
-def layout_of(window: Window, discs: Discs) -> Layout:
+def layout_of(window: Window, discs: Obstacles) -> Layout:
     """A window's chain and limits for compiled functions, without pinned contacts."""
     chain, limits = window.chain, window.field.limits
     places = np.full(chain.free.shape, -1, np.int64)

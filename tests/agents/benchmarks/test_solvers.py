@@ -11,7 +11,7 @@ from agents.cli.main import main
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import initial_state
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange
@@ -104,7 +104,7 @@ def test_an_excess_is_relative_to_the_best_of_all_or_to_the_gate() -> None:
 
 def test_ipopt_and_slsqp_reach_the_same_minimum() -> None:
     pytest.importorskip("casadi")
-    discs = Discs([[9.0, 7.0]], [2.0])
+    discs = Obstacles.discs([[9.0, 7.0]], [2.0])
     field = Field(name="easy", obstacles=discs, goal=np.array([20.0, 20.0]))
     window = final_window(field, initial_state(field), WindowSettings(), 3)
     guess = straight_ahead(initial_state(field), 3, PAPER_LIMITS)

@@ -12,7 +12,7 @@ from agents.evaluation.reading import read
 from agents.evaluation.results import read_paths
 from ferguson_gym.curves import length
 from ferguson_gym.shortest_paths import exact_length
-from ferguson_gym.world import Discs, Field, get_field
+from ferguson_gym.world import Field, Obstacles, get_field
 from ferguson_gym.world.field import to_json
 
 SLITS = {"centers": [[50, 0.5 * k] for k in range(-20, 221)], "radii": [0.25] * 241}
@@ -76,7 +76,7 @@ def test_evaluations_with_another_inflation_are_not_mixed(
     assert [one["field"] for one in summary["unreachable"]] == ["slits"]
 
     page = (out / "report.html").read_text()
-    radii = drawn[0].obstacles.radii if isinstance(drawn[0].obstacles, Discs) else np.empty(0)
+    radii = drawn[0].obstacles.radii
     assert f",{round(100.0 * radii[-1])}]" in page
     assert "shortest paths: obstacles inflated by 0.3 m." in page
 
@@ -151,7 +151,9 @@ def test_other_commands_within_other_limits(
     summary = json.loads((out / "summary.json").read_text())
     assert (summary["inflate"], summary["limits"]) == (0.1, {"longest": 30.0})
     near = tmp_path / "near.json"  # a short flight has few frames
-    to_json(Field(name="near", obstacles=Discs([[9.0, 14.0]], [2.0]), goal=[26.0, 26.0]), near)
+    to_json(
+        Field(name="near", obstacles=Obstacles.discs([[9.0, 14.0]], [2.0]), goal=[26.0, 26.0]), near
+    )
     command = ["animate", str(near), "--policy", "shortest", *limits]
     assert main([*command, "--out", str(tmp_path / "flight.gif")]) == 0
     expected = "shortest on near with obstacles inflated by 0.1 m, longest 30 m, seed 0: "

@@ -19,10 +19,12 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.registry import PLANNERS, single_start
 
-HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
+HEAD_ON = Field(
+    name="head-on", obstacles=Obstacles.discs([[5, 0]], [5]), start_derivative=np.array([5, 0])
+)
 """No flight leaves it: the start touches a disc and faces its centre."""
 FIELDS = [*get_fields("sparse/train:0-2"), *get_fields("paper:4"), HEAD_ON]
 
@@ -85,7 +87,7 @@ def test_gaps_are_given_for_flights_that_arrived(run: Path) -> None:
 def test_without_a_shortest_path_there_is_no_gap() -> None:
     # between start and goal a wall from bound to bound
     closed = Field(
-        name="closed", obstacles=Discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
+        name="closed", obstacles=Obstacles.discs([[50.0, y] for y in range(-10, 111, 5)], [4] * 25)
     )
     flight = replace(fly("single-start", FIELDS[0]), field=closed)
     assert flight.exact_length is None

@@ -19,12 +19,13 @@ from agents.policies.network_policy import NetworkPolicy
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from tests.support.small_models import ALGORITHMS, DISCS, RAYS, learned
 
 CROWDED = Field(
-    name="crowded", obstacles=Discs(np.random.default_rng(0).uniform(20, 90, (130, 2)), [2.0] * 130)
+    name="crowded",
+    obstacles=Obstacles.discs(np.random.default_rng(0).uniform(20, 90, (130, 2)), [2.0] * 130),
 )
 WAY = {**RAYS, "way": 3, "margin": 2.0, "progress": "way"}
 FIELDS = [*get_fields("sparse/train:0-7"), *get_fields("traps/train:0-1"), CROWDED]
@@ -60,8 +61,8 @@ def test_simulated_rollouts_show_the_way_too() -> None:
 
 
 def test_scores_are_those_of_the_definitions() -> None:
-    near = Field(name="near", obstacles=Discs([], []), goal=[12.9, 12.9])
-    far = Field(name="far", obstacles=Discs([[20.0, 20.0]], [8.0]))
+    near = Field(name="near", obstacles=Obstacles.discs([], []), goal=[12.9, 12.9])
+    far = Field(name="far", obstacles=Obstacles.discs([[20.0, 20.0]], [8.0]))
     straight = learned("ppo", RAYS)
     with torch.no_grad():
         for parameter in straight.policy.action_net.parameters():

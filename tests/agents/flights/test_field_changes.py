@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from agents.flights.field_changes import UNCHANGED, FieldChanges
-from ferguson_gym.world import Discs, get_field
+from ferguson_gym.world import get_field
 
 BOTH = FieldChanges(inflate=0.3, limits=(("segments", 60), ("longest", 30)))
 
@@ -12,8 +12,8 @@ BOTH = FieldChanges(inflate=0.3, limits=(("segments", 60), ("longest", 30)))
 def test_obstacles_and_limits_are_changed() -> None:
     field = get_field("paper:2")
     changed = BOTH.apply(field)
-    assert isinstance(changed.obstacles, Discs)
-    assert isinstance(field.obstacles, Discs)
+    assert changed.obstacles.are_discs
+    assert field.obstacles.are_discs
     np.testing.assert_array_equal(changed.obstacles.radii, field.obstacles.radii + 0.3)
     assert changed.limits == field.with_limits(longest=30, segments=60).limits
     assert changed.name == "paper:2"

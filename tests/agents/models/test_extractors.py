@@ -17,7 +17,7 @@ from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.spaces import observation_space
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 6}
@@ -60,7 +60,9 @@ def made(kind: Any, arguments: dict[str, Any]) -> Any:
 def test_features_and_gradients_are_finite_and_features_have_the_documented_size(
     kind: Any, arguments: dict[str, Any], spec: str
 ) -> None:
-    field = Field(name="none", obstacles=Discs([], [])) if spec == "none" else get_field(spec)
+    field = (
+        Field(name="none", obstacles=Obstacles.discs([], [])) if spec == "none" else get_field(spec)
+    )
     net, seen = made(kind, arguments), seen_in(field, arguments)
     free = {key: value.requires_grad_() for key, value in seen.items()}
     features = net(free)

@@ -15,7 +15,7 @@ from agents.policies.registry import make_policy
 from agents.policies.shield import Shield
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import initial_state
 from planners import PLANNERS, make, register
 from planners.interface import Knowledge, Planner, knowledge_of
@@ -27,8 +27,8 @@ NEAR = [[12.0, 4.0], [3.0, 14.0]]
 FAR = [72.0, 70.0]
 """Centre of a disc on the straight line to the goal, farther away than any range: the shortest path
 bends around it from the start on."""
-OPEN = Field(name="open", obstacles=Discs(NEAR, [3.0, 3.0]))
-CLOSED = Field(name="closed", obstacles=Discs([*NEAR, FAR], [3.0, 3.0, 20.0]))
+OPEN = Field(name="open", obstacles=Obstacles.discs(NEAR, [3.0, 3.0]))
+CLOSED = Field(name="closed", obstacles=Obstacles.discs([*NEAR, FAR], [3.0, 3.0, 20.0]))
 
 
 @pytest.fixture(autouse=True)
@@ -110,7 +110,10 @@ def test_a_distant_obstacle_changes_the_flight_of_those_alone_that_know_it(
 def test_windows_that_end_on_the_goal_see_no_more(name: str) -> None:
     goal, near = np.array([34.0, 20.0]), [*NEAR, [22.0, 20.0]]
     far = [[100.0, 95.0], [95.0, 10.0], [20.0, 85.0]]
-    discs = Discs(near, [3.0, 3.0, 4.0]), Discs([*near, *far], [3.0, 3.0, 4.0, 10.0, 9.0, 8.0])
+    discs = (
+        Obstacles.discs(near, [3.0, 3.0, 4.0]),
+        Obstacles.discs([*near, *far], [3.0, 3.0, 4.0, 10.0, 9.0, 8.0]),
+    )
     fields = [Field(name=str(k), obstacles=one, goal=goal) for k, one in enumerate(discs)]
     first, second = (fly(name, field) for field in fields)
     assert first.success

@@ -11,7 +11,7 @@ from agents.flights import fly
 from agents.policies import make_policy
 from agents.policies.limited_sensing import SensingPolicy
 from ferguson_gym.simulation import Observation
-from ferguson_gym.world import Action, Discs, Field, State, encode, get_field
+from ferguson_gym.world import Action, Field, Obstacles, State, encode, get_field
 from planners.interface import Knowledge, knowledge_of
 from planners.interface import State as PlanState
 from planners.registry import make
@@ -62,7 +62,7 @@ def test_obstacles_out_of_range_change_nothing_and_near_ones_do() -> None:
     assert moved.any()
     far = Field(name="far", obstacles=field.obstacles.only(~moved))
     np.testing.assert_array_equal(fly(policy, far).control[0], first)
-    wall = Discs([[9.0, 9.5]], [3.0])
+    wall = Obstacles.discs([[9.0, 9.5]], [3.0])
     near = replace(field, obstacles=wall)
     assert not np.array_equal(fly(policy, near).control[0], first)
 

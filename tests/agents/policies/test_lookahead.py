@@ -19,7 +19,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.actions import Action
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 
 
@@ -46,7 +46,7 @@ def beside_the_way(depth: float) -> Field:
     """Two discs that reach over the diagonal by a depth [m]."""
     aside = (4.0 - depth) / np.sqrt(2.0)
     centers = np.array([[30.0 + aside, 30.0 - aside], [70.0 - aside, 70.0 + aside]])
-    return Field(name=f"{depth} m deep", obstacles=Discs(centers, np.array([4.0, 4.0])))
+    return Field(name=f"{depth} m deep", obstacles=Obstacles.discs(centers, np.array([4.0, 4.0])))
 
 
 FIELDS = [beside_the_way(depth) for depth in (-0.5, -0.1, 0.1, 0.2, 0.4)]
@@ -76,7 +76,9 @@ def test_the_seed_determines_the_simulated_flights() -> None:
 
 
 def test_the_undisturbed_flight_is_flown_if_no_flight_arrives() -> None:
-    field = Field(name="a wall", obstacles=Discs(np.array([[50.0, 50.0]]), np.array([30.0])))
+    field = Field(
+        name="a wall", obstacles=Obstacles.discs(np.array([[50.0, 50.0]]), np.array([30.0]))
+    )
     own, imagined = fly(PILOT, field, 0), fly(LookaheadPolicy(PILOT, 2), field, 0)
     assert own.outcome is imagined.outcome is Outcome.COLLISION
     np.testing.assert_array_equal(own.control, imagined.control)

@@ -8,7 +8,7 @@ from agents.policies.planner_policies import ReplanningPolicy, TrackingPolicy, p
 from agents.policies.registry import make_policy
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Plan, Status, initial_state
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import PLANNERS, make
@@ -31,7 +31,7 @@ def test_flying_single_start_is_its_plan(field: str) -> None:
 
 def test_flying_into_a_dead_end_is_its_plan() -> None:
     # the start touches a disc and faces its centre: nothing leaves it
-    disc = Discs([[5.0, 0.0]], [5.0])
+    disc = Obstacles.discs([[5.0, 0.0]], [5.0])
     field = Field(name="head-on", obstacles=disc, start_derivative=np.array([5.0, 0.0]))
     plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.status is Status.STUCK

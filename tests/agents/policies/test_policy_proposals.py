@@ -16,7 +16,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, initial_state
 from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import make, multi_start, single_start
@@ -25,7 +25,9 @@ from planners.wrappers.limited_sensing import Sensing
 from tests.support.scripted_policies import Always, Noisy, Straight
 
 FIELD = get_field("standard/train:0")
-NEAR = Field(name="near", obstacles=Discs([[10.0, 12.0]], [4.0]), goal=np.array([20.0, 15.0]))
+NEAR = Field(
+    name="near", obstacles=Obstacles.discs([[10.0, 12.0]], [4.0]), goal=np.array([20.0, 15.0])
+)
 
 
 @dataclass(frozen=True)
@@ -54,7 +56,7 @@ def test_a_proposal_is_the_policy_s_flight() -> None:
 
 
 def test_proposals_ignore_obstacles_and_may_be_empty() -> None:
-    wall = Field(name="wall", obstacles=Discs([[12.0, 12.0]], [6.0]))
+    wall = Field(name="wall", obstacles=Obstacles.discs([[12.0, 12.0]], [6.0]))
     (chain,) = PolicyProposer(Straight()).propose(wall, transition.initial_state(wall), 3, 0)
     assert len(chain) == 3
     np.testing.assert_array_equal(chain[1:, (0, 2)], chain[:-1, (1, 3)])

@@ -18,16 +18,17 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import Decision, Plan, State, WindowReport
 from planners.receding_horizon.guided import Guided
 from planners.rollout import roll_out
 from tests.support.scripted_policies import CIRCLING, COLLIDING, Always, Noisy, Straight
 
-OPEN = Field(name="open", obstacles=Discs(np.array([[60.0, 5.0]]), np.array([3.0])))
+OPEN = Field(name="open", obstacles=Obstacles.discs(np.array([[60.0, 5.0]]), np.array([3.0])))
 HEAD_ON = Field(
-    name="head-on", obstacles=Discs(np.array([[17.0, 17.0]]) / np.sqrt(2.0), np.array([5.95]))
+    name="head-on",
+    obstacles=Obstacles.discs(np.array([[17.0, 17.0]]) / np.sqrt(2.0), np.array([5.95])),
 )
 """A straight segment of 11 m ends 5 cm in front of a disc, heading for its centre."""
 AGENTS = {

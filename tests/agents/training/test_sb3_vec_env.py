@@ -9,7 +9,7 @@ from gymnasium.wrappers import FlattenObservation
 
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 pytest.importorskip("stable_baselines3")
 
@@ -32,7 +32,7 @@ KINDS: dict[str, dict] = {
     "rays": {"observation": "rays", "rays": 11},
     "way": {"rays": 5, "way": 3, "progress": "way", "reference": True},
 }
-NEAR = Field(name="near", obstacles=Discs([], []), goal=[6.5, 6.5])
+NEAR = Field(name="near", obstacles=Obstacles.discs([], []), goal=[6.5, 6.5])
 
 
 def pair(flat: bool, number: int = NUMBER, **arguments: Any) -> tuple:

@@ -10,7 +10,7 @@ import pytest
 from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.scaled_fields import Motion
 
 
@@ -18,7 +18,7 @@ def beside_the_diagonal(*places: tuple[float, float, float]) -> Field:
     """Discs so far along the straight line to the goal, so far to its left, so large [m]."""
     along, across = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([-1.0, 1.0]) / np.sqrt(2.0)
     centers = [ahead * along + left * across for ahead, left, _ in places]
-    return Field(name="made", obstacles=Discs(centers, [radius for *_, radius in places]))
+    return Field(name="made", obstacles=Obstacles.discs(centers, [radius for *_, radius in places]))
 
 
 def margins_by_every_pair(field: Field, margin: float, narrowest: float) -> np.ndarray:
@@ -44,7 +44,7 @@ def test_margins_are_those_from_every_pair(name: str, margin: float, narrowest: 
 def test_among_thousands_of_discs_margins_take_no_table_of_pairs() -> None:
     stream = np.random.default_rng(0)
     centers = stream.uniform(1.0, 1999.0, (20_000, 2))
-    many = Discs(centers, stream.uniform(1.0, 3.0, 20_000))
+    many = Obstacles.discs(centers, stream.uniform(1.0, 3.0, 20_000))
     free = (many.signed_distance(np.array([[0.0, 0.0], [100.0, 100.0]])) > 1.0).all(axis=0)
     field = Field(name="many", obstacles=many.only(free), bounds=(-10.0, 2000.0))
     few = Field(name="few", obstacles=many.only(np.flatnonzero(free)[:300]), bounds=(-10.0, 2000.0))
@@ -84,7 +84,10 @@ def test_without_a_margin_and_without_discs_nothing_grows() -> None:
     margins, togo = surroundings(field, 0.0, 0.0)
     assert not margins.any()
     np.testing.assert_array_equal(planar_discs(togo.field).radii, planar_discs(field).radii)
-    assert len(surroundings(Field(name="open", obstacles=Discs([], [])), 0.8, 0.8).margins) == 0
+    assert (
+        len(surroundings(Field(name="open", obstacles=Obstacles.discs([], [])), 0.8, 0.8).margins)
+        == 0
+    )
 
 
 def moved(x: float, y: float, *discs: tuple[float, float, float]) -> tuple[float, float, bool]:

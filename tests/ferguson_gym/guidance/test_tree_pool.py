@@ -11,7 +11,7 @@ from ferguson_gym.guidance.tree_pool import TreePool
 from ferguson_gym.guidance.way import Way, tree_of, with_margin
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 SHOWN = np.array([1.0, 12.0, 40.0])
 
@@ -26,7 +26,7 @@ def test_a_pool_that_grows_gives_what_each_tree_gives_alone() -> None:
     pool, stream = TreePool(), np.random.default_rng(0)
     suites = ("standard", "sparse", "traps", "dense")
     fields = [get_field(f"{suites[k % 4]}/train:{k}") for k in range(70)]
-    fields[7] = Field(name="open", obstacles=Discs([], []))
+    fields[7] = Field(name="open", obstacles=Obstacles.discs([], []))
     assert [pool.add(made(field)) for field in fields] == list(range(70))
     assert len(pool) == 70
     which = np.append(stream.integers(70, size=200), 7)

@@ -16,17 +16,17 @@ from ferguson_gym.shortest_paths import distance_to_goal
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.world.field import Field, planar_discs
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support import taut_paths
 from tests.support.scaled_fields import Motion
 
 SHOWN = np.array([0.5, 3.0, 10.0, 30.0, 80.0, 400.0])
 """Distances along the way, of which the last lies beyond every goal [m]."""
 NAMES = ["paper:2", "standard/train:1", "dense/train:2", "forest/train:1", "traps/train:0"]
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 ENCLOSED = Field(
     name="enclosed",
-    obstacles=Discs(
+    obstacles=Obstacles.discs(
         [[100.0 + 9.0 * np.cos(a), 100.0 + 9.0 * np.sin(a)] for a in range(7)], [6.0] * 7
     ),
 )
@@ -80,20 +80,20 @@ def test_what_is_shown_does_not_depend_on_the_number_of_points(name: str) -> Non
 
 
 def test_from_within_a_margin_the_way_leads_out_of_it_first() -> None:
-    field = Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0]))
+    field = Field(name="one", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0]))
     point = 50.0 - 10.3 / np.sqrt(2.0) * np.ones(2)
     rim = 50.0 - 11.0 / np.sqrt(2.0) * np.ones(2)
     places, togo = Way(field, 1.0).ahead(point[None], [[0.35, 0.7, 5.0]])
     np.testing.assert_allclose(places[0, 0], (point + rim) / 2.0, rtol=0, atol=1e-6)
     np.testing.assert_allclose(places[0, 1], rim, rtol=0, atol=1e-6)
     assert np.hypot(*(places[0, 2] - 50.0)) == pytest.approx(11.0, abs=1e-6)
-    around = DistanceToGoal(Field(name="grown", obstacles=Discs([[50.0, 50.0]], [11.0])))
+    around = DistanceToGoal(Field(name="grown", obstacles=Obstacles.discs([[50.0, 50.0]], [11.0])))
     assert togo[0] == pytest.approx(0.7 + around([rim])[0][0], abs=1e-6)
 
 
 def test_where_no_way_keeps_margins_it_is_the_shortest_path() -> None:
     # the vehicle is in a corner between two discs and the bounds, which margins close
-    discs = Discs([[-4.0, 60.0], [-4.0, 47.5]], [6.0, 6.0])
+    discs = Obstacles.discs([[-4.0, 60.0], [-4.0, 47.5]], [6.0, 6.0])
     field = Field(name="corner", obstacles=discs)
     point = np.array([-9.9, 53.7])
     assert discs.signed_distance(point).min() > 0.0
@@ -153,7 +153,7 @@ def test_the_way_scales_with_the_field(scale: float) -> None:
 
 def test_other_fields_and_distances_are_refused() -> None:
     solid = Field(
-        name="solid", obstacles=Discs([[5.0] * 3], [1.0]), start=[0.0] * 3, goal=[9.0] * 3
+        name="solid", obstacles=Obstacles.discs([[5.0] * 3], [1.0]), start=[0.0] * 3, goal=[9.0] * 3
     )
     with pytest.raises(ValueError, match=r"plane|planar"):
         Way(solid, 0.8)

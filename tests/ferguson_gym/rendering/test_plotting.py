@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from ferguson_gym import Field, get_field
 from ferguson_gym.curves import Path
-from ferguson_gym.world import Discs
+from ferguson_gym.world import Obstacles
 
 BEND = Path([[[0, 0], [9, 3], [9, 0], [9, 6]], [[9, 3], [18, 9], [9, 6], [9, 6]]])
 
@@ -56,7 +56,10 @@ def test_without_axes_the_current_ones_are_used() -> None:
 
 def test_other_dimensions_are_refused() -> None:
     solid = Field(
-        name="solid", obstacles=Discs(np.empty((0, 3)), []), start=[0, 0, 0], goal=[9, 9, 9]
+        name="solid",
+        obstacles=Obstacles.discs(np.empty((0, 3)), []),
+        start=[0, 0, 0],
+        goal=[9, 9, 9],
     )
     with pytest.raises(ValueError, match="only a planar field is plotted, this one has 3 dim"):
         solid.plot()

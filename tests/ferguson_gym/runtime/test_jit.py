@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from ferguson_gym.curves import certified_kernels
+from ferguson_gym.curves import obstacle_kernels
 from ferguson_gym.runtime import jit
 from ferguson_gym.runtime.jit import PACKAGES, Sources
 from tests.support.places import ROOT
@@ -142,9 +142,9 @@ def test_packages_are_those_with_kernels() -> None:
 
 
 def test_machine_code_is_cached_under_the_digest() -> None:
-    digest = Sources(ROOT).digest(certified_kernels.__name__)
-    assert digest in certified_kernels.clearance.__qualname__
-    assert jit.__name__ in Sources(ROOT).reachable(certified_kernels.__name__)
+    digest = Sources(ROOT).digest(obstacle_kernels.__name__)
+    assert digest in obstacle_kernels.clearance.__qualname__
+    assert jit.__name__ in Sources(ROOT).reachable(obstacle_kernels.__name__)
 
 
 FLIGHTS = """

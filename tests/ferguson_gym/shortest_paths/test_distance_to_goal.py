@@ -10,16 +10,16 @@ from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.taut_paths import assert_is_taut, fields, random_field
 
 NAMES = ["standard/validation:3", "dense/validation:0", "forest/validation:1", "traps/validation:2"]
 FIELDS = [*map(get_field, NAMES), *(random_field(seed, 15) for seed in range(4))]
-DISC = Field(name="disc", obstacles=Discs([[50.0, 50.0]], [20.0]))
+DISC = Field(name="disc", obstacles=Obstacles.discs([[50.0, 50.0]], [20.0]))
 
 
-def discs_of(field: Field) -> Discs:
-    assert isinstance(field.obstacles, Discs)
+def discs_of(field: Field) -> Obstacles:
+    assert field.obstacles.are_discs
     return field.obstacles
 
 
@@ -121,7 +121,7 @@ def test_distance_and_gradient_are_zero_at_the_goal() -> None:
 
 
 def test_at_a_goal_on_a_disc() -> None:
-    field = Field(name="on", obstacles=Discs([[80.0, 100.0]], [20.0]), bounds=(-50, 150))
+    field = Field(name="on", obstacles=Obstacles.discs([[80.0, 100.0]], [20.0]), bounds=(-50, 150))
     distance, gradient = DistanceToGoal(field)([[60.0, 100.0], [80.0, 80.0], [100.0, 100.0]])
     np.testing.assert_allclose(distance, [20.0 * np.pi, 10.0 * np.pi, 0.0], rtol=1e-12)
     assert abs(gradient[0, 0]) < 1e-12
@@ -173,7 +173,7 @@ def test_points_beyond_the_tolerance_are_not() -> None:
 
 
 def test_in_a_notch_within_the_tolerance_of_two_discs() -> None:
-    notch = Discs([[6.0, 8.0], [6.0, -8.0]], [10.0, 10.0])
+    notch = Obstacles.discs([[6.0, 8.0], [6.0, -8.0]], [10.0, 10.0])
     togo = DistanceToGoal(Field(name="notch", obstacles=notch, start=(-9, 0), goal=(50.0, 1.0)))
     distance, gradient = togo([[0.0, 0.0], [1e-6, 0.0], [1e-6, 1e-7], [-1e-6, 0.0]])
     np.testing.assert_allclose(distance, distance[0], atol=1e-4)
@@ -185,7 +185,7 @@ def test_no_points_and_points_without_a_path() -> None:
     distance, gradient = togo(np.empty((0, 2)))
     assert distance.shape == (0,)
     assert gradient.shape == (0, 2)
-    wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
+    wall = Obstacles.discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     togo = DistanceToGoal(Field(name="wall", obstacles=wall))
     assert togo([[10.0, 10.0]])[0][0] == np.inf
     assert togo([[90.0, 90.0]])[0][0] == pytest.approx(10.0 * math.sqrt(2.0))
@@ -200,7 +200,7 @@ def test_other_points_are_refused(points: object) -> None:
 
 
 def test_other_obstacles_are_refused() -> None:
-    balls = Discs([[5.0, 5.0, 5.0]], [1.0])
+    balls = Obstacles.discs([[5.0, 5.0, 5.0]], [1.0])
     with pytest.raises(TypeError, match="discs in the plane"):
         DistanceToGoal(Field(name="balls", obstacles=balls, start=(0, 0, 0), goal=(9, 9, 9)))
 

@@ -9,7 +9,7 @@ import pytest
 from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
 from ferguson_gym.shortest_paths.tangents import scene
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.paper_fields import paper_field
 from tests.support.places import DATA
 from tests.support.taut_paths import field_of, found
@@ -75,7 +75,7 @@ def test_a_gap_of_zero_is_passed_and_an_overlap_is_not(overlap: float) -> None:
 
 @pytest.mark.parametrize("overlap", [0.0, 0.5e-7])
 def test_through_a_gap_of_zero_the_path_changes_discs(overlap: float) -> None:
-    discs = Discs([[50.0, 40.0], [50.0, 60.0 - overlap]], [10.0, 10.0])
+    discs = Obstacles.discs([[50.0, 40.0], [50.0, 60.0 - overlap]], [10.0, 10.0])
     path = found(Field(name="touching", obstacles=discs, start=(0.0, 44.0), goal=(100.0, 56.0)))
     distance = math.hypot(50.0, 4.0)
     sweep = math.atan2(50.0, 4.0) - math.acos(10.0 / distance)
@@ -104,10 +104,10 @@ def test_a_disc_is_rounded_on_either_side_of_a_corner_of_the_bounds_alone() -> N
     assert found(open_).length < 150.0
 
 
-def ring(center: tuple[float, float], radius: float, number: int, size: float) -> Discs:
+def ring(center: tuple[float, float], radius: float, number: int, size: float) -> Obstacles:
     turn = np.arange(number) * 2 * np.pi / number
     at = np.array(center) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    return Discs(at, np.full(number, size))
+    return Obstacles.discs(at, np.full(number, size))
 
 
 @pytest.mark.parametrize("center", [(0.0, 0.0), (100.0, 100.0)])
@@ -189,7 +189,7 @@ def test_a_start_and_a_goal_on_a_disc() -> None:
 
 
 def test_a_start_in_the_notch_of_two_discs() -> None:
-    notch = Discs([[6.0, 8.0], [6.0, -8.0]], [10.0, 10.0])
+    notch = Obstacles.discs([[6.0, 8.0], [6.0, -8.0]], [10.0, 10.0])
     away = found(Field(name="away", obstacles=notch, goal=(-10.0, 0.0)))
     assert away.length == 10.0
     path = found(Field(name="back", obstacles=notch, goal=(50.0, 1e-3)))
@@ -203,7 +203,7 @@ def test_a_start_in_the_notch_of_two_discs() -> None:
 
 def test_a_goal_on_the_common_tangent_of_two_discs() -> None:
     # the tangents to the goal and to the disc between leave the last disc at the same angle
-    discs = Discs([[0.0, 5.0], [15.0, 10.0], [0.0, 10.0]], [2.5, 10.0, 5.0])
+    discs = Obstacles.discs([[0.0, 5.0], [15.0, 10.0], [0.0, 10.0]], [2.5, 10.0, 5.0])
     there = found(Field(name="there", obstacles=discs))
     back = found(Field(name="back", obstacles=discs, start=(100.0, 100.0), goal=(0.0, 0.0)))
     assert there.length == pytest.approx(143.04489325804633, rel=1e-12)
@@ -244,9 +244,12 @@ def test_a_spacing_that_is_not_positive_is_refused(spacing: float) -> None:
 
 def test_other_obstacles_are_refused_and_have_no_exact_length() -> None:
     balls = Field(
-        name="balls", obstacles=Discs([[5.0, 5.0, 5.0]], [1.0]), start=(0, 0, 0), goal=(9, 9, 9)
+        name="balls",
+        obstacles=Obstacles.discs([[5.0, 5.0, 5.0]], [1.0]),
+        start=(0, 0, 0),
+        goal=(9, 9, 9),
     )
-    with pytest.raises(TypeError, match="discs in the plane, got Discs in 3 dimensions"):
+    with pytest.raises(TypeError, match="discs in the plane, got Obstacles in 3 dimensions"):
         shortest_path(balls)
     assert exact_length(balls) is None
 

@@ -11,28 +11,32 @@ from scipy.sparse.csgraph import dijkstra
 from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.taut_paths import assert_is_taut, field_of, fields, found, random_field, walls
 
 
 @pytest.mark.parametrize("suite", ["standard", "sparse", "dense", "forest", "traps"])
 def test_paths_through_the_suites_are_taut_and_the_same_both_ways(suite: str) -> None:
     for field in get_fields(f"{suite}/validation:0-9"):
-        assert isinstance(field.obstacles, Discs)
+        assert field.obstacles.are_discs
         discs = field.obstacles
         length = found(field).length
         assert length >= field.distance
         back = Field(name="back", obstacles=discs, start=field.goal, goal=field.start)
         assert found(back).length == pytest.approx(length, rel=1e-12)
-        turned = Discs(discs.centers[:, ::-1] * [-1.0, 1.0], discs.radii)
+        turned = Obstacles.discs(discs.centers[:, ::-1] * [-1.0, 1.0], discs.radii)
         quarter = Field(
             name="t", obstacles=turned, goal=(-100.0, 100.0), bounds=[[-110, -10], [10, 110]]
         )
         assert found(quarter).length == pytest.approx(length, rel=1e-12)
-        mirrored = Field(name="mirrored", obstacles=Discs(discs.centers[:, ::-1], discs.radii))
+        mirrored = Field(
+            name="mirrored", obstacles=Obstacles.discs(discs.centers[:, ::-1], discs.radii)
+        )
         assert found(mirrored).length == pytest.approx(length, rel=1e-12)
         order = np.random.default_rng(0).permutation(len(discs))
-        mixed = Field(name="mixed", obstacles=Discs(discs.centers[order], discs.radii[order]))
+        mixed = Field(
+            name="mixed", obstacles=Obstacles.discs(discs.centers[order], discs.radii[order])
+        )
         assert found(mixed).length == pytest.approx(length, rel=1e-12)
 
 
@@ -41,11 +45,11 @@ def test_lengths_scale_with_the_field(scale: float) -> None:
     for seed in range(5):
         field = random_field(seed, 12)
         discs = field.obstacles
-        assert isinstance(discs, Discs)
+        assert discs.are_discs
         length = exact_length(field)
         scaled = Field(
             name="scaled",
-            obstacles=Discs(scale * discs.centers + 7.0, scale * discs.radii),
+            obstacles=Obstacles.discs(scale * discs.centers + 7.0, scale * discs.radii),
             start=scale * field.start + 7.0,
             goal=scale * field.goal + 7.0,
             bounds=scale * field.bounds + 7.0,
@@ -57,7 +61,7 @@ def test_lengths_scale_with_the_field(scale: float) -> None:
 def among_polygons(field: Field, corners: int, outside: bool) -> float:
     """Shortest path among polygons in the place of discs, by visibility between all corners."""
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     half = np.pi / corners
     turn = 2.0 * half * np.arange(corners) + 0.1
     normals = np.stack([np.cos(turn + half), np.sin(turn + half)], axis=1)
@@ -100,10 +104,12 @@ def test_the_length_lies_between_those_among_smaller_and_larger_polygons(seed: i
 @pytest.mark.parametrize("seed", range(60))
 def test_among_discs_of_all_sizes_the_path_is_taut(seed: int) -> None:
     stream = np.random.default_rng(seed)
-    discs = Discs(stream.uniform(-20.0, 120.0, (30, 2)), 10.0 ** stream.uniform(-1.0, 1.6, 30))
+    discs = Obstacles.discs(
+        stream.uniform(-20.0, 120.0, (30, 2)), 10.0 ** stream.uniform(-1.0, 1.6, 30)
+    )
     ends = np.array([[0.0, 0.0], [100.0, 100.0]])
     free = (discs.signed_distance(ends) >= 0.0).all(axis=0)
-    field = Field(name="sizes", obstacles=Discs(discs.centers[free], discs.radii[free]))
+    field = Field(name="sizes", obstacles=Obstacles.discs(discs.centers[free], discs.radii[free]))
     path = shortest_path(field)
     if path is not None:
         assert_is_taut(path, field)
@@ -156,7 +162,7 @@ def test_with_bounds_that_cut_discs_the_path_stays_inside(field: Field, cut: flo
 @settings(deadline=None, max_examples=100, derandomize=True)
 def test_a_disc_more_never_shortens_the_path(field: Field) -> None:
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     longer = exact_length(field) or math.inf
-    fewer = Field(name="fewer", obstacles=Discs(discs.centers[:-1], discs.radii[:-1]))
+    fewer = Field(name="fewer", obstacles=Obstacles.discs(discs.centers[:-1], discs.radii[:-1]))
     assert (exact_length(fewer) or math.inf) <= longer + 1e-6

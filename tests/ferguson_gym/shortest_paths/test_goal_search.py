@@ -12,7 +12,7 @@ from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.taut_paths import (
     assert_is_taut,
     fields,
@@ -43,7 +43,7 @@ def scattered(seed: int, number: int, least: float, most: float) -> Field:
     radii = stream.uniform(least, most, number) * spacing
     apart = np.linalg.norm(centers[:, None] - [[0.0, 0.0], [100.0, 100.0]], axis=-1)
     free = (apart >= radii[:, None]).all(axis=1)
-    return Field(name=f"scattered {seed}", obstacles=Discs(centers[free], radii[free]))
+    return Field(name=f"scattered {seed}", obstacles=Obstacles.discs(centers[free], radii[free]))
 
 
 def maze(seed: int, rooms: int) -> Field:
@@ -80,7 +80,7 @@ def maze(seed: int, rooms: int) -> Field:
     half = 50.0 / rooms
     return Field(
         name="maze",
-        obstacles=Discs(centers, np.full(len(centers), 14.0 / rooms)),
+        obstacles=Obstacles.discs(centers, np.full(len(centers), 14.0 / rooms)),
         start=(half, half),
         goal=(100.0 - half, 100.0 - half),
         bounds=(0.0, 100.0),
@@ -110,10 +110,12 @@ def test_in_mazes(rooms: int) -> None:
 def test_in_lattices(ratio: float) -> None:
     # lines along the axes and the diagonals lie on the borders of sectors; discs touch at 1
     places = np.stack(np.meshgrid(*2 * [np.arange(5.0, 100.0, 10.0)]), axis=-1).reshape(-1, 2)
-    assert_agrees(Field(name="lattice", obstacles=Discs(places, np.full(100, 5.0 * ratio))))
+    assert_agrees(
+        Field(name="lattice", obstacles=Obstacles.discs(places, np.full(100, 5.0 * ratio)))
+    )
     straight = Field(
         name="straight",
-        obstacles=Discs(places, np.full(100, 5.0 * ratio)),
+        obstacles=Obstacles.discs(places, np.full(100, 5.0 * ratio)),
         start=(0.0, 50.0),
         goal=(100.0, 50.0),
     )
@@ -126,10 +128,12 @@ def test_in_lattices(ratio: float) -> None:
 @pytest.mark.parametrize("seed", range(30))
 def test_among_discs_of_all_sizes_that_bounds_cut(seed: int) -> None:
     stream = np.random.default_rng(seed)
-    discs = Discs(stream.uniform(-20.0, 120.0, (60, 2)), 10.0 ** stream.uniform(-1.0, 1.6, 60))
+    discs = Obstacles.discs(
+        stream.uniform(-20.0, 120.0, (60, 2)), 10.0 ** stream.uniform(-1.0, 1.6, 60)
+    )
     ends = np.array([[0.0, 0.0], [100.0, 100.0]])
     free = (discs.signed_distance(ends) >= 0.0).all(axis=0)
-    kept = Discs(discs.centers[free], discs.radii[free])
+    kept = Obstacles.discs(discs.centers[free], discs.radii[free])
     for bounds in ((-10.0, 110.0), (0.0, 100.0), (-3.0, 102.0)):
         assert_agrees(Field(name="sizes", obstacles=kept, bounds=bounds))
 
@@ -143,11 +147,11 @@ def test_in_any_field(field: Field) -> None:
 @given(wall=walls())
 @settings(deadline=None, max_examples=30, derandomize=True)
 def test_no_way_past_a_wall_from_bound_to_bound(wall: np.ndarray) -> None:
-    closed = Discs(wall[:, :2] + [40.0, 0.0], wall[:, 2])
+    closed = Obstacles.discs(wall[:, :2] + [40.0, 0.0], wall[:, 2])
     wide = Field(name="wall", obstacles=closed)
     assert from_search(wide).path(wide.start) is None
     centers = np.concatenate([closed.centers, closed.centers + np.array([10.0, 0.0])])
-    two = Discs(centers, np.tile(wall[:, 2], 2))
+    two = Obstacles.discs(centers, np.tile(wall[:, 2], 2))
     wide = Field(name="walls", obstacles=two)
     assert from_search(wide).path(wide.start) is None
 
@@ -155,7 +159,7 @@ def test_no_way_past_a_wall_from_bound_to_bound(wall: np.ndarray) -> None:
 @pytest.mark.parametrize("depth", [-1e-3, 0.0, 1e-9, 1e-6, 9e-6])
 @pytest.mark.parametrize("turn", np.linspace(0.0, 6.0, 9))
 def test_from_points_within_the_tolerance(depth: float, turn: float) -> None:
-    disc = Field(name="disc", obstacles=Discs([[50.0, 50.0]], [20.0]))
+    disc = Field(name="disc", obstacles=Obstacles.discs([[50.0, 50.0]], [20.0]))
     outward = np.array([math.cos(turn), math.sin(turn)])
     point = 50.0 + (20.0 - depth) * outward
     path, expected = from_search(disc).path(point), from_graph(disc).path(point)
@@ -184,7 +188,7 @@ def test_among_thousands_of_discs_the_path_is_taut_and_the_same_both_ways() -> N
     there = shortest_path(back)
     assert there is not None
     assert there.length == pytest.approx(path.length, rel=1e-12)
-    mirrored = Discs(field.obstacles.centers[:, ::-1], field.obstacles.radii)  # type: ignore[attr-defined]
+    mirrored = Obstacles.discs(field.obstacles.centers[:, ::-1], field.obstacles.radii)  # type: ignore[attr-defined]
     beside = shortest_path(Field(name="mirrored", obstacles=mirrored))
     assert beside is not None
     assert beside.length == pytest.approx(path.length, rel=1e-12)
@@ -232,7 +236,7 @@ def comb() -> Field:
         for k, x in enumerate(np.arange(12.0, 90.0, 12.0))
         for y in wall
     ]
-    return Field(name="comb", obstacles=Discs(places, np.full(len(places), 2.5)))
+    return Field(name="comb", obstacles=Obstacles.discs(places, np.full(len(places), 2.5)))
 
 
 def spiral() -> Field:
@@ -243,7 +247,7 @@ def spiral() -> Field:
     # two of each, and a third that only touches
     radii = np.repeat([2.0, 2.0, 1.0], 140)
     centers = np.concatenate([centers, centers, centers + 3.0 * ray])
-    return Field(name="spiral", obstacles=Discs(centers, radii), goal=(50.0, 50.0))
+    return Field(name="spiral", obstacles=Obstacles.discs(centers, radii), goal=(50.0, 50.0))
 
 
 @pytest.mark.parametrize("walls", [comb(), spiral()], ids=["comb", "spiral"])
@@ -258,7 +262,7 @@ def test_distances_and_classes_behind_walls(walls: Field) -> None:
 @settings(deadline=None, max_examples=60, derandomize=True)
 def test_distances_in_any_field(field: Field) -> None:
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     around = np.stack([np.cos(np.arange(5.0)), np.sin(np.arange(5.0))], axis=-1)
     beside = (discs.centers[:, None] + discs.radii[:, None, None] * around).reshape(-1, 2)
     grid = np.stack(np.meshgrid(*2 * [np.arange(-10.0, 111.0, 12.0)]), axis=-1).reshape(-1, 2)

@@ -14,11 +14,11 @@ from ferguson_gym.shortest_paths.homotopy_classes import best_classes, classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.taut_paths import assert_is_taut, fields, random_field
 
 
-def word(path: ShortestPath, discs: Discs) -> tuple[int, ...]:
+def word(path: ShortestPath, discs: Obstacles) -> tuple[int, ...]:
     """The class of a path: a reduced word of the rays it crosses, one upward from each cluster.
 
     Discs that overlap or touch are a cluster; rays start at the centre of its first disc.
@@ -78,7 +78,7 @@ def test_classes_of_the_suites_are_different_and_in_order(suite: str) -> None:
         paths = best_classes(field, field.start, 12)
         assert len(paths) == 12
         assert_classes(paths, field)
-        assert isinstance(field.obstacles, Discs)
+        assert field.obstacles.are_discs
         assert len({word(path, field.obstacles) for path in paths}) == 12
 
 
@@ -86,12 +86,12 @@ def test_classes_of_the_suites_are_different_and_in_order(suite: str) -> None:
 def test_among_overlapping_discs_classes_are_different(seed: int) -> None:
     field = random_field(seed, 14, largest=12.0)
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     # a cluster on the bounds is part of the outside, and no class goes round it
     inside = (
         (discs.centers - discs.radii[:, None] > -10) & (discs.centers + discs.radii[:, None] < 110)
     ).all(axis=1)
-    discs = Discs(discs.centers[inside], discs.radii[inside])
+    discs = Obstacles.discs(discs.centers[inside], discs.radii[inside])
     field = Field(name="inside", obstacles=discs)
     paths = best_classes(field, field.start, 15)
     assert_classes(paths, field)
@@ -99,7 +99,7 @@ def test_among_overlapping_discs_classes_are_different(seed: int) -> None:
 
 
 def test_one_disc_has_two_sides() -> None:
-    discs = Discs([[50.0, 53.0]], [10.0])
+    discs = Obstacles.discs([[50.0, 53.0]], [10.0])
     field = Field(name="one", obstacles=discs, start=(0, 50), goal=(100, 50))
     below, above = best_classes(field, field.start, 5)
     assert below.senses.tolist() == [1]
@@ -114,7 +114,7 @@ def test_one_disc_has_two_sides() -> None:
 
 
 def test_two_touching_discs_have_a_gap_between_them() -> None:
-    touching = Discs([[50.0, 40.0], [50.0, 60.0]], [10.0, 10.0])
+    touching = Obstacles.discs([[50.0, 40.0], [50.0, 60.0]], [10.0, 10.0])
     field = Field(name="touching", obstacles=touching, start=(0, 50), goal=(100, 50))
     straight, *rest = best_classes(field, field.start, 3)
     assert straight.length == 100.0
@@ -122,7 +122,7 @@ def test_two_touching_discs_have_a_gap_between_them() -> None:
     assert rest[0].length == pytest.approx(rest[1].length)
     closed = Field(
         name="closed",
-        obstacles=Discs(touching.centers, [10.0, 10.001]),
+        obstacles=Obstacles.discs(touching.centers, [10.0, 10.001]),
         start=(0, 50),
         goal=(100, 50),
     )
@@ -130,18 +130,18 @@ def test_two_touching_discs_have_a_gap_between_them() -> None:
 
 
 def test_a_disc_smaller_than_the_margin_has_no_sides() -> None:
-    field = Field(name="grain", obstacles=Discs([[50.0, 50.0]], [1e-8]))
+    field = Field(name="grain", obstacles=Obstacles.discs([[50.0, 50.0]], [1e-8]))
     assert len(best_classes(field, field.start, 5)) == 1
 
 
 def test_a_side_closed_by_the_bounds_is_not_a_class() -> None:
-    discs = Discs([[50.0, 105.0]], [20.0])
+    discs = Obstacles.discs([[50.0, 105.0]], [20.0])
     field = Field(name="closed", obstacles=discs)
     assert len(best_classes(field, field.start, 5)) == 1
 
 
 def test_a_row_with_a_common_tangent_has_one_class_along_it() -> None:
-    row = Discs([[x, 40.0] for x in range(10, 100, 20)], [10.0] * 5)
+    row = Obstacles.discs([[x, 40.0] for x in range(10, 100, 20)], [10.0] * 5)
     field = Field(name="row", obstacles=row, start=(0, 50), goal=(100, 50))
     paths = best_classes(field, field.start, 8)
     assert_classes(paths, field)
@@ -163,7 +163,7 @@ def test_a_full_turn_around_a_thin_disc_is_not_a_class(seed: int) -> None:
     )
     radii = stream.uniform(1e-3, 1e-2, 4)
     centers = np.sort(stream.uniform(5.0, 95.0, 4))[:, None] * along - radii[:, None] * left
-    field = Field(name="thin", obstacles=Discs(centers, radii), goal=100.0 * along)
+    field = Field(name="thin", obstacles=Obstacles.discs(centers, radii), goal=100.0 * along)
     paths = best_classes(field, field.start, 40)
     assert_classes(paths, field)
     assert len(paths) == 40
@@ -178,7 +178,7 @@ def test_a_straight_start_on_a_disc_is_not_a_full_turn() -> None:
         along = np.array([math.cos(turn), math.sin(turn)])
         left = np.array([-math.sin(turn), math.cos(turn)])
         # the start is where the common tangent leaves the first disc
-        discs = Discs([0.01 * left, 40.0 * along + 3.0 * left], [0.01, 3.0])
+        discs = Obstacles.discs([0.01 * left, 40.0 * along + 3.0 * left], [0.01, 3.0])
         try:
             field = Field(name="on", obstacles=discs, goal=70.0 * along + 20.0 * left)
         except ValueError:  # by rounding, the start is in the disc
@@ -188,7 +188,7 @@ def test_a_straight_start_on_a_disc_is_not_a_full_turn() -> None:
 
 
 def test_without_a_path_there_is_no_class() -> None:
-    wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
+    wall = Obstacles.discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     assert best_classes(Field(name="wall", obstacles=wall), (0.0, 0.0), 3) == []
     assert best_classes(Field(name="wall", obstacles=wall), (50.0, 50.0), 3) == []
 
@@ -202,7 +202,7 @@ def test_at_least_one_class_must_be_asked_for(k: int) -> None:
 def lengths_by_trial(field: Field, turns: int) -> list[float]:
     """Lengths of all taut paths with a few turns, by trying every sequence of discs and senses."""
     discs = field.obstacles
-    assert isinstance(discs, Discs)
+    assert discs.are_discs
     centers = np.vstack([discs.centers, field.start, field.goal])
     radii = np.concatenate([discs.radii, [0.0, 0.0]])
     n = len(discs)
@@ -259,7 +259,7 @@ def test_no_class_is_missed(seed: int) -> None:
         gaps = np.linalg.norm(centers[:, None] - centers, axis=-1) - radii[:, None] - radii
         if gaps[np.triu_indices(3, 1)].min() > 1.0:
             break
-    field = Field(name="three", obstacles=Discs(centers, radii))
+    field = Field(name="three", obstacles=Obstacles.discs(centers, radii))
     expected = lengths_by_trial(field, 4)[:8]
     found = [path.length for path in best_classes(field, field.start, 8)]
     np.testing.assert_allclose(found, expected, rtol=1e-9)

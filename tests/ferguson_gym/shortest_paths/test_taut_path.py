@@ -8,7 +8,7 @@ import pytest
 from ferguson_gym.shortest_paths.exact import path_from, shortest_path
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 
 @pytest.mark.parametrize("name", ["paper:2", "dense/train:1", "traps/train:2"])
@@ -26,7 +26,7 @@ def test_points_at_distances_are_those_of_a_fine_sampling(name: str) -> None:
 
 
 def test_points_before_and_beyond_a_path_are_its_ends() -> None:
-    field = Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0]))
+    field = Field(name="one", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0]))
     path = shortest_path(field)
     assert path is not None
     ends = path.at(np.array([-1.0, 0.0, path.length, path.length + 5.0]))
@@ -35,7 +35,7 @@ def test_points_before_and_beyond_a_path_are_its_ends() -> None:
 
 
 def test_pieces_of_length_zero_are_points() -> None:
-    field = Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0]))
+    field = Field(name="one", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0]))
     at_goal = path_from(field, field.goal)
     assert at_goal is not None
     np.testing.assert_array_equal(at_goal.at(np.array([0.0, 1.0])), [field.goal] * 2)

@@ -9,7 +9,7 @@ import pytest
 from ferguson_gym.environment import ObstacleField
 from ferguson_gym.world.actions import STEEPEST, encode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.suites import SUITES
 
 VIEW = 30.0
@@ -30,7 +30,9 @@ def looked(field: Field, **arguments: Any) -> dict:
 def drawn_field(seed: int, number: int = 40, edge: bool = False) -> Field:
     """Discs, and a start anywhere between them, on its way anywhere."""
     stream = np.random.default_rng(seed)
-    discs = Discs(stream.uniform(5.0, 95.0, (number, 2)), stream.uniform(0.5, 7.0, number))
+    discs = Obstacles.discs(
+        stream.uniform(5.0, 95.0, (number, 2)), stream.uniform(0.5, 7.0, number)
+    )
     points = stream.uniform(-10.0, 110.0, (99, 2))
     start, goal = points[(discs.signed_distance(points) > 0.0).all(axis=-1)][:2]
     angle = stream.uniform(-np.pi, np.pi)
@@ -214,7 +216,7 @@ def test_rays_are_free_up_to_their_end_and_stop_there(seed: int) -> None:
 def test_a_vehicle_on_a_wall_sees_it_touch_and_the_open_side() -> None:
     field = Field(
         name="wall",
-        obstacles=Discs(np.empty((0, 2)), []),
+        obstacles=Obstacles.discs(np.empty((0, 2)), []),
         start=[-10.0, 50.0],
         goal=[50.0, 50.0],
         start_derivative=[0.0, 5.0],
@@ -228,7 +230,7 @@ def test_a_vehicle_on_a_wall_sees_it_touch_and_the_open_side() -> None:
 def test_discs_behind_and_those_touched_do_not_cut_rays() -> None:
     field = Field(
         name="behind",
-        obstacles=Discs([[40.0, 50.0], [60.0, 54.0], [50.0, 90.0]], [4.0, 4.0, 1.0]),
+        obstacles=Obstacles.discs([[40.0, 50.0], [60.0, 54.0], [50.0, 90.0]], [4.0, 4.0, 1.0]),
         start=[50.0, 50.0],
         goal=[90.0, 50.0],
         start_derivative=[5.0, 0.0],
@@ -246,7 +248,7 @@ def around(distances: list[float], radii: list[float]) -> Field:
     ]
     return Field(
         name="around",
-        obstacles=Discs(centers, radii),
+        obstacles=Obstacles.discs(centers, radii),
         start=MIDDLE,
         goal=[90.0, 90.0],
         start_derivative=[5.0, 0.0],
@@ -285,7 +287,7 @@ def changed(field: Field, matrix: np.ndarray) -> Field:
     discs = field.obstacles
     return Field(
         name="changed",
-        obstacles=Discs((discs.centers - MIDDLE) @ matrix.T + MIDDLE, discs.radii),
+        obstacles=Obstacles.discs((discs.centers - MIDDLE) @ matrix.T + MIDDLE, discs.radii),
         start=matrix @ (field.start - MIDDLE) + MIDDLE,
         goal=matrix @ (field.goal - MIDDLE) + MIDDLE,
         start_derivative=matrix @ field.departure,
@@ -323,7 +325,7 @@ def test_a_quarter_turn_and_a_mirror_change_what_they_should(seed: int, kind: st
 @pytest.mark.parametrize("inside", [False, True])
 def test_the_tolerance_leads_out_of_no_space(kind: str, inside: bool) -> None:
     # a wall of the bounds or a disc, 6 micrometres beyond which the segment ends
-    disc = Discs([[39.0, 60.0]], [11.0]) if inside else Discs([], [])
+    disc = Obstacles.discs([[39.0, 60.0]], [11.0]) if inside else Obstacles.discs([], [])
     bounds = [-10.0 if inside else 50.0, 110.0]
     field = Field(
         name="edge",
@@ -346,7 +348,7 @@ def test_the_tolerance_leads_out_of_no_space(kind: str, inside: bool) -> None:
 
 
 def test_on_the_goal_the_goal_is_ahead() -> None:
-    goal = Field(name="close", obstacles=Discs([], []), goal=[9.0 / 2**0.5] * 2)
+    goal = Field(name="close", obstacles=Obstacles.discs([], []), goal=[9.0 / 2**0.5] * 2)
     env = ObstacleField(gate=1.0)
     env.reset(options={"field": goal})
     seen, _, terminated, _, info = env.step(np.zeros(4, np.float32))

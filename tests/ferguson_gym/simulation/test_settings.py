@@ -17,12 +17,12 @@ from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import SUITES, suite_field
 from tests.support.places import ROOT
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 SCATTERED = [suite for suite in SUITES if suite != "traps"]
 
 
@@ -103,7 +103,7 @@ def test_more_obstacles_crowd_the_field() -> None:
 def test_the_gate_decides_what_counts_as_the_goal(gate: float) -> None:
     for off, reached in ((0.99 * gate, True), (1.01 * gate + 1e-3, False)):
         env = ObstacleField(gate=gate)
-        field = Field(name="near", obstacles=Discs([], []), goal=[6.0, 6.0])
+        field = Field(name="near", obstacles=Obstacles.discs([], []), goal=[6.0, 6.0])
         env.reset(options={"field": field})
         end = field.goal - off * np.ones(2) / np.sqrt(2.0)
         segment = np.array([env.state.position, end, env.state.derivative, [5.0, 5.0]])
@@ -145,7 +145,7 @@ def test_only_fields_that_are_drawn_are_made_and_each_once(
 ) -> None:
     made, usual = [], Settings.discs
 
-    def discs(settings: Settings, seed: int) -> Discs:
+    def discs(settings: Settings, seed: int) -> Obstacles:
         made.append(seed)
         return usual(settings, seed)
 

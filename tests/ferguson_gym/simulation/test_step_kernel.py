@@ -9,7 +9,7 @@ from ferguson_gym.simulation.step_kernel import first_invalid
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import decode, encode
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import SUITES, suite_field
 from ferguson_gym.world.transition import Step, advance
@@ -131,7 +131,7 @@ def test_without_obstacles_the_clearance_is_infinite() -> None:
 def test_a_field_that_was_flown_before_leaves_no_disc_behind() -> None:
     many, few = (
         suite_field("forest", "train", 0),
-        Field(name="few", obstacles=Discs([[9, 60]], [1])),
+        Field(name="few", obstacles=Obstacles.discs([[9, 60]], [1])),
     )
     envs = VectorObstacleField(1, capacity=180, fields=1, observation="discs")
     envs.reset(options={"field": many})

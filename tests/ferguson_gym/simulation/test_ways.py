@@ -24,7 +24,7 @@ from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.actions import encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import initial_state
 from planners.registry import make
 from tests.support.scaled_fields import Motion
@@ -32,7 +32,9 @@ from tests.support.scaled_fields import Motion
 WAY: dict[str, Any] = {"rays": 3, "way": 4, "progress": "way", "reference": True}
 ENCLOSED = Field(
     name="enclosed",
-    obstacles=Discs([[80 + 9 * np.cos(a), 80 + 9 * np.sin(a)] for a in range(7)], [6.0] * 7),
+    obstacles=Obstacles.discs(
+        [[80 + 9 * np.cos(a), 80 + 9 * np.sin(a)] for a in range(7)], [6.0] * 7
+    ),
     goal=[80.0, 80.0],
 )
 """No path leads to the goal."""
@@ -267,7 +269,7 @@ def test_copies_of_vectors_go_on_exactly(
 
 def test_among_many_discs_vector_and_scalar_environments_show_the_same() -> None:
     stream = np.random.default_rng(0)
-    discs = Discs(stream.uniform(0.0, 100.0, (450, 2)), stream.uniform(0.3, 1.0, 450))
+    discs = Obstacles.discs(stream.uniform(0.0, 100.0, (450, 2)), stream.uniform(0.3, 1.0, 450))
     free = (discs.signed_distance(np.array([[0.0, 0.0], [100.0, 100.0]])) > 3.0).all(axis=0)
     field = Field(name="many", obstacles=discs.only(free))
     assert len(field.obstacles) > distance_to_goal.FEW

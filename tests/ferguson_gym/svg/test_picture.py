@@ -15,7 +15,7 @@ from ferguson_gym import get_field
 from ferguson_gym.curves import Path, evaluate
 from ferguson_gym.svg.axes import PIXELS, UNITS
 from ferguson_gym.svg.colours import GOAL, REFUSED, SEGMENTS, START
-from ferguson_gym.world import Discs, Field, Outcome
+from ferguson_gym.world import Field, Obstacles, Outcome
 from planners import Plan, Status, make
 from planners.interface import initial_state
 
@@ -84,7 +84,7 @@ def test_a_field_shows_its_discs_start_goal_and_name() -> None:
         [float(circle.get(key)) for key in ("cx", "cy", "r")] for circle in root.iter(f"{NS}circle")
     ]
     discs, start = np.array(circles[:-1]), circles[-1]
-    assert isinstance(FIELD.obstacles, Discs)
+    assert FIELD.obstacles.are_discs
     assert np.abs(metres(discs[:, :2]) - FIELD.obstacles.centers).max() < 0.01
     assert np.abs(120.0 / UNITS * discs[:, 2] - FIELD.obstacles.radii).max() < 0.01
     assert metres(np.array(start[:2])) == pytest.approx(FIELD.start, abs=0.01)
@@ -220,7 +220,7 @@ def test_a_duration_is_positive(seconds: float, flight: Flight) -> None:
 
 
 def balls() -> Field:
-    obstacles = Discs([[5.0, 5.0, 5.0]], [1.0])
+    obstacles = Obstacles.discs([[5.0, 5.0, 5.0]], [1.0])
     return Field(name="balls", obstacles=obstacles, start=np.zeros(3), goal=np.full(3, 10.0))
 
 
@@ -245,7 +245,7 @@ def test_fields_of_every_scale_fit(low: tuple[float, float], high: tuple[float, 
     radius = 0.01 * min(np.subtract(high, low))
     field = Field(
         name="<&> 'quoted'",
-        obstacles=Discs([ends[2]], [radius]),
+        obstacles=Obstacles.discs([ends[2]], [radius]),
         start=ends[1],
         goal=ends[3],
         bounds=np.array([low, high]),

@@ -12,12 +12,12 @@ from ferguson_gym.world.actions import REACH, STEEPEST, decode, encode, encode_e
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 PROPERTY = settings(max_examples=200, deadline=None, derandomize=True)
 FAR = np.array([1e6, 1e6])  # a goal that nothing snaps to
 END_ERROR, DERIVATIVE_ERROR = 4e-6, 3e-5  # by the docstring of encode
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 ACTIONS = arrays(np.float32, 4, elements=st.floats(-1, 1, width=32, allow_subnormal=False))
 POSITIONS = arrays(np.float64, 2, elements=st.floats(-10, 110))

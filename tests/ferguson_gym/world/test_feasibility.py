@@ -14,11 +14,11 @@ from ferguson_gym.world.actions import STEEPEST
 from ferguson_gym.world.feasibility import Inspection, inspect, is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import suite_field
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 ALONG = np.array([0.8, 0.6])
 STEEPEST_OF_UNIT_LENGTH = 4.39032  # greatest derivative at an end of a segment of 1 m
 
@@ -57,7 +57,7 @@ def bulges_outside(excess):
 def cuts_a_disc(excess):
     aside = np.array([-0.6, 0.8])
     center = np.array([20.0, 30.0]) + 5.0 * ALONG + (4.0 - excess) * aside
-    return straight(12.0), Field(name="disc", obstacles=Discs([center], [4.0]))
+    return straight(12.0), Field(name="disc", obstacles=Obstacles.discs([center], [4.0]))
 
 
 @pytest.mark.parametrize(
@@ -157,7 +157,7 @@ def test_a_cut_between_the_papers_samples_is_refused():
     # the disc reaches 6.7 mm across the line, between two of 30 samples half a metre apart
     samples = evaluate(straight(15.0), np.linspace(0.0, 1.0, 30))
     middle = 0.5 * (samples[14] + samples[15])
-    disc = Discs([middle + (9.0 - 0.2**2) ** 0.5 * np.array([-0.6, 0.8])], [3.0])
+    disc = Obstacles.discs([middle + (9.0 - 0.2**2) ** 0.5 * np.array([-0.6, 0.8])], [3.0])
     field = Field(name="between", obstacles=disc)
     assert disc.signed_distance(samples).min() > 0.0
     found = inspect(straight(15.0), field)
@@ -166,7 +166,9 @@ def test_a_cut_between_the_papers_samples_is_refused():
 
 
 def test_inspection_finds_known_values():
-    field = Field(name="disc", obstacles=Discs([[20.0, 40.0]], [3.0]), bounds=[-15.0, 105.0])
+    field = Field(
+        name="disc", obstacles=Obstacles.discs([[20.0, 40.0]], [3.0]), bounds=[-15.0, 105.0]
+    )
     found = inspect([[20.0, 30.0], [29.0, 30.0], [9.0, 0.0], [9.0, 0.0]], field)
     assert found.length == pytest.approx(9.0, rel=1e-9)
     assert found.clearance == pytest.approx(7.0, abs=1e-7)
@@ -179,7 +181,7 @@ def test_inspection_finds_known_values():
 
 def test_the_bounds_margin_is_measured_to_the_nearest_side():
     bounds = [[-1.0, -2.0], [104.0, 108.0]]
-    field = Field(name="box", obstacles=Discs([], []), bounds=bounds)
+    field = Field(name="box", obstacles=Obstacles.discs([], []), bounds=bounds)
     for start, room in (([50, 0], 2.0), ([0, 50], 1.0), ([98, 50], 3.0), ([50, 104], 4.0)):
         control = np.array([start, np.add(start, [3, 0]), [3, 0], [3, 0]])
         assert room - 1e-10 < inspect(control, field).bounds_margin < room

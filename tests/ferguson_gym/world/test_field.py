@@ -15,10 +15,10 @@ from ferguson_gym.curves import length
 from ferguson_gym.curves.clearance import closest
 from ferguson_gym.world.field import Field, from_json, to_json
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 PROPERTY = settings(max_examples=50, deadline=None, derandomize=True)
-DISCS = Discs([[50.0, 50.0], [20.0, 30.0]], [10.0, 5.0])
+DISCS = Obstacles.discs([[50.0, 50.0], [20.0, 30.0]], [10.0, 5.0])
 
 
 def field(**options):
@@ -48,7 +48,7 @@ def field(**options):
 )
 def test_bad_discs_are_refused(centers, radii, message):
     with pytest.raises(ValueError, match=message):
-        Discs(centers, radii)
+        Obstacles.discs(centers, radii)
 
 
 @pytest.mark.parametrize(
@@ -63,8 +63,14 @@ def test_bad_discs_are_refused(centers, radii, message):
         ({"bounds": [-10, 50, 110]}, r"bounds must be \[least, greatest\] for .* shape \(3,\)"),
         ({"bounds": [[-10], [110]]}, r"or \[\[least of each\], .* shape \(2, 1\)"),
         ({"start_derivative": [5]}, r"start_derivative must have shape \(2,\), got \(1,\)"),
-        ({"obstacles": Discs([[1, 2, 3]], [1])}, "obstacles have 3 dimensions, start and goal 2"),
-        ({"obstacles": Discs([[50]], [1])}, "obstacles have 1 dimensions, start and goal 2"),
+        (
+            {"obstacles": Obstacles.discs([[1, 2, 3]], [1])},
+            "obstacles have 3 dimensions, start and goal 2",
+        ),
+        (
+            {"obstacles": Obstacles.discs([[50]], [1])},
+            "obstacles have 1 dimensions, start and goal 2",
+        ),
         ({"start": ["here", 0]}, "start must be an array of numbers"),
         ({"bounds": [110, -10]}, r"bounds must be \(least, greatest\), got \[\[110"),
         ({"bounds": [[-10, 5], [110, 5]]}, r"\(least, greatest\), got \[\[-10.0, 5.0\]"),
@@ -104,7 +110,7 @@ def test_the_default_start_derivative_points_at_the_goal():
 def test_fields_have_any_number_of_dimensions():
     space = Field(
         name="space",
-        obstacles=Discs([[5.0, 5.0, 5.0]], [1.0]),
+        obstacles=Obstacles.discs([[5.0, 5.0, 5.0]], [1.0]),
         start=[0.0, 0.0, 0.0],
         goal=[2.0, 3.0, 6.0],
         bounds=[0.0, 9.0],
@@ -129,13 +135,13 @@ def test_fields_do_not_change(name):
         setattr(one, name, before)
 
 
-@pytest.mark.parametrize("name", ["centers", "radii"])
-def test_discs_do_not_change(name):
+@pytest.mark.parametrize(("given", "name"), [("centers", "points"), ("radii", "radii")])
+def test_discs_do_not_change(given, name):
     given_arrays = {"centers": np.array([[1.0, 2.0]]), "radii": np.array([3.0])}
-    discs = Discs(**given_arrays)
+    discs = Obstacles.discs(**given_arrays)
     kept = getattr(discs, name)
     before = kept.copy()
-    given_arrays[name] += 1.0
+    given_arrays[given] += 1.0
     np.testing.assert_array_equal(kept, before)
     with pytest.raises(ValueError, match="read-only"):
         kept[0] = 7.0
@@ -146,7 +152,7 @@ def test_discs_do_not_change(name):
 @pytest.mark.parametrize("dimension", [1, 2, 3])
 def test_signed_distance_and_its_gradient(dimension):
     stream = np.random.default_rng(dimension)
-    discs = Discs(stream.normal(size=(5, dimension)), stream.uniform(0.1, 2.0, 5))
+    discs = Obstacles.discs(stream.normal(size=(5, dimension)), stream.uniform(0.1, 2.0, 5))
     points = stream.normal(size=(4, 6, dimension))
     distance, gradient = discs.signed_distance(points), discs.gradient(points)
     assert distance.shape == (4, 6, 5)
@@ -174,7 +180,7 @@ def test_near_keeps_the_discs_within_reach(reach, radii):
 
 
 def test_empty_discs_obstruct_nothing():
-    nothing = Discs([], [])
+    nothing = Obstacles.discs([], [])
     assert len(nothing) == 0
     assert nothing.signed_distance(np.zeros((3, 2))).shape == (3, 0)
     assert nothing.clearance(np.zeros((4, 2))) == np.inf
@@ -202,7 +208,7 @@ def fields(draw):
     *centers, radii = draw(discs).T
     return Field(
         name="odd numbers",
-        obstacles=Discs(np.transpose(centers) + 200.0, radii),
+        obstacles=Obstacles.discs(np.transpose(centers) + 200.0, radii),
         start=-start / 3.0,
         goal=goal,
         bounds=np.stack([-start, goal * 1e90]),
@@ -284,16 +290,9 @@ def test_a_missing_file_is_an_os_error(tmp_path):
         from_json(tmp_path / "nowhere.json")
 
 
-def test_only_discs_have_a_json_form(tmp_path):
-    class Walls:
-        dimension = 2
-
-        def __len__(self):
-            return 0
-
-    with pytest.raises(TypeError, match="only discs have a JSON form, got Walls"):
-        to_json(field(obstacles=Walls()), tmp_path / "walls.json")
-    assert not list(tmp_path.iterdir())
+def test_other_objects_are_not_obstacles():
+    with pytest.raises(TypeError, match="obstacles are Obstacles, got list"):
+        field(obstacles=[[1.0, 2.0]])
 
 
 def test_json_is_plain_and_complete(tmp_path):
@@ -311,7 +310,7 @@ def test_json_is_plain_and_complete(tmp_path):
 
 def test_an_empty_field_in_space_can_be_read_back(tmp_path):
     field = Field(
-        name="air", obstacles=Discs(np.empty((0, 3)), []), start=[0, 0, 0], goal=[9, 9, 9]
+        name="air", obstacles=Obstacles.discs(np.empty((0, 3)), []), start=[0, 0, 0], goal=[9, 9, 9]
     )
     to_json(field, tmp_path / "air.json")
     assert from_json(tmp_path / "air.json").obstacles.dimension == 3
@@ -327,14 +326,14 @@ def test_numbers_of_a_file_must_be_numbers(number, tmp_path):
 
 def test_ragged_bounds_are_named():
     with pytest.raises(ValueError, match="bounds must be an array of numbers"):
-        Field(name="ragged", obstacles=Discs([], []), bounds=[[1, 2], [3]])
+        Field(name="ragged", obstacles=Obstacles.discs([], []), bounds=[[1, 2], [3]])
 
 
 def test_inflated_obstacles_leave_the_rest_of_a_field() -> None:
     field = get_field("paper:2")
     grown = field.inflated(0.5)
-    assert isinstance(field.obstacles, Discs)
-    assert isinstance(grown.obstacles, Discs)
+    assert field.obstacles.are_discs
+    assert grown.obstacles.are_discs
     np.testing.assert_array_equal(grown.obstacles.radii, field.obstacles.radii + 0.5)
     assert replace(grown, obstacles=field.obstacles).name == "paper:2"
     assert grown.limits == field.limits

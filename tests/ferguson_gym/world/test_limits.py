@@ -8,16 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ferguson_gym.world import PAPER_LIMITS, Discs, Field, Limits, get_field
+from ferguson_gym.world import PAPER_LIMITS, Field, Limits, Obstacles, get_field
 from ferguson_gym.world.field import to_json
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 def far(distance: float, **options: object) -> Field:
     return Field(
         name="far",
-        obstacles=Discs([], []),
+        obstacles=Obstacles.discs([], []),
         goal=[distance, 0.0],
         bounds=(-10.0, distance + 10.0),
         **options,
@@ -60,7 +60,7 @@ def test_another_longest_segment_scales_the_field_with_it() -> None:
     assert (field.limits.shortest, field.limits.gate, field.limits.longest) == (6.0, 4.0, 30.0)
     assert np.linalg.norm(field.departure) == pytest.approx(10.0)
     assert OPEN.with_limits() is OPEN
-    kept = Field(name="own", obstacles=Discs([], []), start_derivative=[7.0, 0.0])
+    kept = Field(name="own", obstacles=Obstacles.discs([], []), start_derivative=[7.0, 0.0])
     np.testing.assert_array_equal(kept.with_limits(longest=30.0).departure, [7.0, 0.0])
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from ferguson_gym.curves import clearance
 from ferguson_gym.world import obstacles
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 
 
 @pytest.fixture(autouse=True)
@@ -16,12 +16,12 @@ def _few_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(obstacles, "MANY", 0)
 
 
-def scattered(seed: int, number: int, dimension: int = 2) -> Discs:
+def scattered(seed: int, number: int, dimension: int = 2) -> Obstacles:
     """Discs or balls of sizes from 0.1 to 10 m, and one of 40 m."""
     stream = np.random.default_rng(seed)
     radii = 10.0 ** stream.uniform(-1.0, 1.0, number)
     radii[0] = 40.0
-    return Discs(stream.uniform(-50.0, 250.0, (number, dimension)), radii)
+    return Obstacles.discs(stream.uniform(-50.0, 250.0, (number, dimension)), radii)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ferguson_gym.world import Discs, Field, Limits, get_field, initial_state
+from ferguson_gym.world import Field, Limits, Obstacles, get_field, initial_state
 from ferguson_gym.world.similarity import similarity
 from tests.support.scaled_fields import MOTIONS, Motion
 
@@ -23,8 +23,8 @@ def test_the_image_of_a_moved_and_scaled_field_is_the_field(motion: Motion) -> N
     image = found.image
     assert image.limits.longest == 15.0
     np.testing.assert_array_equal(image.start, [0.0, 0.0])
-    assert isinstance(image.obstacles, Discs)
-    assert isinstance(field.obstacles, Discs)
+    assert image.obstacles.are_discs
+    assert field.obstacles.are_discs
     np.testing.assert_allclose(image.obstacles.centers, field.obstacles.centers, atol=1e-8)
     np.testing.assert_allclose(image.obstacles.radii, field.obstacles.radii, rtol=1e-12)
     np.testing.assert_allclose(image.goal, field.goal, atol=1e-8)
@@ -47,7 +47,9 @@ def test_segments_and_states_come_back() -> None:
 
 
 def test_the_goal_comes_back_exactly() -> None:
-    field = Field(name="far", obstacles=Discs([], []), start=[0.1, 0.2], goal=[77.7, 33.3])
+    field = Field(
+        name="far", obstacles=Obstacles.discs([], []), start=[0.1, 0.2], goal=[77.7, 33.3]
+    )
     found = similarity(field)
     assert found is not None
     np.testing.assert_array_equal(found.points_back(found.points(field.goal)[None])[0], field.goal)
@@ -59,7 +61,7 @@ def test_limits_of_the_field_are_kept_in_proportion() -> None:
     limits = Limits(longest=150.0, gate=3.0, tolerance=1e-3, segments=77)
     field = Field(
         name="big",
-        obstacles=Discs([], []),
+        obstacles=Obstacles.discs([], []),
         goal=[1000.0, 1000.0],
         limits=limits,
         bounds=(-100.0, 1100.0),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.paper_fields import is_from_paper, latin_hypercube, paper_field
 from ferguson_gym.world.suites import (
     LAST_SEED,
@@ -85,7 +85,7 @@ def test_a_field_is_the_papers_by_its_content_not_by_its_name_alone():
     assert is_from_paper(Field(name="paper:1", obstacles=own))
     for field in (
         Field(name="paper:1", obstacles=other),
-        Field(name="paper:1", obstacles=Discs(own.centers, other.radii)),
+        Field(name="paper:1", obstacles=Obstacles.discs(own.centers, other.radii)),
         Field(name="paper:1", obstacles=own, goal=np.array([20.0, 0.0])),
         Field(name="paper:2", obstacles=own),
         paper_field(1).with_limits(longest=30),
@@ -197,9 +197,9 @@ def test_discs_of_a_suite_are_those_of_its_field(suite: str) -> None:
 def test_another_recipe_draws_from_the_suites_own_stream() -> None:
     numbers = []
 
-    def recipe(stream: np.random.RandomState) -> Discs:
+    def recipe(stream: np.random.RandomState) -> Obstacles:
         numbers.append(stream.random_sample())
-        return Discs([[numbers[-1], 0.0]], [1.0])
+        return Obstacles.discs([[numbers[-1], 0.0]], [1.0])
 
     for suite, split, seed in (("standard", "train", 3), ("dense", "train", 3)) * 2:
         discs = suite_discs(suite, split, seed, recipe)

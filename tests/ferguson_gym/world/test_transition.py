@@ -7,7 +7,7 @@ from ferguson_gym.world.actions import encode
 from ferguson_gym.world.feasibility import inspect
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.transition import (
     State,
@@ -17,7 +17,7 @@ from ferguson_gym.world.transition import (
     initial_state,
 )
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 AHEAD = np.zeros(4)
 EAST = np.array([5.0, 0.0])
 
@@ -27,7 +27,9 @@ def heading_east(x, y=100.0, segments=0):
 
 
 def test_a_flight_departs_from_the_start_with_the_start_derivative():
-    field = Field(name="f", obstacles=Discs([], []), start=[3, 4], start_derivative=[1, 2])
+    field = Field(
+        name="f", obstacles=Obstacles.discs([], []), start=[3, 4], start_derivative=[1, 2]
+    )
     state = initial_state(field)
     assert state.position.tolist() == [3.0, 4.0]
     assert state.derivative.tolist() == [1.0, 2.0]
@@ -48,7 +50,7 @@ def test_advancing_moves_the_state_to_the_end_of_the_segment():
 
 
 def test_a_step_reports_the_inspection_of_its_segment():
-    field = Field(name="disc", obstacles=Discs([[50.0, 30.0]], [4.0]))
+    field = Field(name="disc", obstacles=Obstacles.discs([[50.0, 30.0]], [4.0]))
     step = advance(field, initial_state(field), [0.1, -0.3, 0.2, 0.4])
     expected = inspect(step.control, field)
     for name in ("length", "clearance", "bounds_margin", "speed"):
@@ -66,7 +68,7 @@ def test_a_step_reports_the_inspection_of_its_segment():
     ],
 )
 def test_a_refused_segment_is_not_flown_and_keeps_the_state(end, derivative, outcome):
-    disc = Discs([[42.0, 48.0]], [2.5])
+    disc = Obstacles.discs([[42.0, 48.0]], [2.5])
     field = Field(name="disc", obstacles=disc, bounds=[[-10, -10], [110, 55]], goal=[100, 50])
     state = State(np.array([30.0, 50.0]), np.array([4.0, 0.0]), segments=3)
     step = fly_segment(field, state, [state.position, end, state.derivative, derivative])
@@ -172,7 +174,7 @@ def weaving(segments=32):
 
 def test_rounding_does_not_add_up_along_a_flight():
     chain = weaving()
-    field = Field(name="open", obstacles=Discs([], []), start_derivative=chain[0, 2])
+    field = Field(name="open", obstacles=Obstacles.discs([], []), start_derivative=chain[0, 2])
     state = initial_state(field)
     for number, segment in enumerate(chain, start=1):
         before = state

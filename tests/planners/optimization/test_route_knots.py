@@ -9,11 +9,11 @@ from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization import along_route
 from planners.optimization.route_knots import turn_aligned
 
-ROW = Discs([[4.0 * k, (-1.0) ** k] for k in range(1, 12)], np.full(11, 1.8))
+ROW = Obstacles.discs([[4.0 * k, (-1.0) ** k] for k in range(1, 12)], np.full(11, 1.8))
 """Discs on alternating sides of the x-axis, which they overlap by 0.8 m."""
 
 
@@ -68,7 +68,7 @@ def test_they_keep_to_the_number_of_segments_left() -> None:
 
 
 def test_a_heading_into_a_disc_gets_a_first_knot_beside_the_route() -> None:
-    disc = Discs([[1.9, 0.0]], [1.5])
+    disc = Obstacles.discs([[1.9, 0.0]], [1.5])
     path = shortest_path(Field(name="disc", obstacles=disc, start=(0.0, 0.0), goal=(30.0, 0.1)))
     assert path is not None
     state = transition.State(np.zeros(2), np.array([5.0, 0.0]))
@@ -86,7 +86,7 @@ def test_a_route_shorter_than_a_segment_has_none() -> None:
 @pytest.mark.parametrize("segments", [1, 2])
 def test_a_straight_route_needs_few_segments(segments: int) -> None:
     points = np.column_stack([np.linspace(0.0, 14.0 * segments, 100), np.zeros(100)])
-    open_field = Discs([], [])
+    open_field = Obstacles.discs([], [])
     chain = next(turn_aligned(state_on(points), points, open_field, PAPER_LIMITS, 40))
     assert len(chain) == segments
     np.testing.assert_allclose(chain[:, 1, 1], 0.0, atol=1e-12)

@@ -7,11 +7,11 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.initial_guesses import random_chains, shifted, straight_ahead
 from planners.optimization.window import WindowSettings, final_window, horizon_window
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 def test_the_final_problem_counts_every_obstacle_the_window_only_near_ones() -> None:

@@ -10,7 +10,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, Status, initial_state
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.guided import Guided
@@ -40,7 +40,7 @@ def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:
 @pytest.mark.parametrize("depth", [0.5, 2.9])
 def test_the_distance_goes_on_into_discs(depth: float) -> None:
     """An iterate of the search may end there, and needs a way out."""
-    field = Field(name="disc", obstacles=Discs([[50.0, 50.0], [53.0, 50.0]], [3.0, 3.0]))
+    field = Field(name="disc", obstacles=Obstacles.discs([[50.0, 50.0], [53.0, 50.0]], [3.0, 3.0]))
     outside = np.array([47.0, 50.0])
     inside = np.array([47.0 + depth, 50.0])
     objective = ToGoObjective(DistanceToGoal(field))
@@ -101,7 +101,9 @@ def test_every_window_can_be_continued() -> None:
 
 def test_a_field_without_a_way_is_stuck_at_once() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
+    ring = Obstacles.discs(
+        6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0)
+    )
     walled = Field(name="ring", obstacles=ring)
     plan = Guided().plan(walled, initial_state(walled), 0)
     assert plan.status is Status.STUCK
@@ -110,13 +112,15 @@ def test_a_field_without_a_way_is_stuck_at_once() -> None:
 
 def test_a_heading_into_a_disc_is_stuck() -> None:
     field = Field(
-        name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
+        name="ahead",
+        obstacles=Obstacles.discs([[4.0, 0.0]], [3.5]),
+        start_derivative=np.array([60.0, 0.0]),
     )
     assert Guided().plan(field, initial_state(field), 0).status is Status.STUCK
 
 
 def test_obstacles_other_than_discs_are_refused() -> None:
-    spheres = Discs([[5.0, 5.0, 5.0]], [1.0])
+    spheres = Obstacles.discs([[5.0, 5.0, 5.0]], [1.0])
     field = Field(
         name="space",
         obstacles=spheres,

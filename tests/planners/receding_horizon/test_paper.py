@@ -10,7 +10,7 @@ from ferguson_gym.world.feasibility import inspect, is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, Status, initial_state
 from planners.optimization.certification import TARGET_TOLERANCE
 from planners.optimization.initial_guesses import no_guess, random_chains, shifted, straight_ahead
@@ -20,7 +20,7 @@ from planners.receding_horizon.paper import RecedingHorizon
 from planners.registry import make
 from tests.support.checked_plans import assert_may_be_flown, planned
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 NAMES = ("sparse/train:0", "sparse/train:1", "traps/train:0")
@@ -60,7 +60,9 @@ def test_an_open_field_is_flown_straight() -> None:
 
 def test_a_walled_in_start_is_stuck() -> None:
     angles = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
-    ring = Discs(6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0))
+    ring = Obstacles.discs(
+        6.0 * np.column_stack([np.cos(angles), np.sin(angles)]), np.full(16, 2.0)
+    )
     plan = RecedingHorizon(random_starts=2).plan(
         walled := Field(name="ring", obstacles=ring), initial_state(walled), 0
     )
@@ -78,7 +80,7 @@ def test_a_flight_ends_when_its_segments_are_used_up() -> None:
 
 def test_hundreds_of_obstacles_and_none_within_reach() -> None:
     stream = np.random.default_rng(0)
-    far = Discs(stream.uniform([60.0, 5.0], [95.0, 40.0], (300, 2)), np.full(300, 1.0))
+    far = Obstacles.discs(stream.uniform([60.0, 5.0], [95.0, 40.0], (300, 2)), np.full(300, 1.0))
     field = Field(name="far", obstacles=far)
     plan = make("single-start").plan(field, initial_state(field), 0)
     assert plan.success

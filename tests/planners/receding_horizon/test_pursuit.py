@@ -15,7 +15,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import fly_segment
 from planners.interface import Plan, Replanner, State, Status, initial_state
 from planners.receding_horizon.pursuit import Pursuit
@@ -27,7 +27,7 @@ NAMES = [
     for field in get_fields(spec)
 ]
 ALONG, ACROSS = np.array([1.0, 1.0]) / np.sqrt(2.0), np.array([-1.0, 1.0]) / np.sqrt(2.0)
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 @cache
@@ -44,7 +44,7 @@ def at(*places: tuple[float, float, float]) -> Field:
     """Discs so far along the way, so far to its left, so large [m]."""
     centers = [along * ALONG + left * ACROSS for along, left, _ in places]
     radii = [radius for _, _, radius in places]
-    return Field(name="made", obstacles=Discs(np.array(centers), np.array(radii)))
+    return Field(name="made", obstacles=Obstacles.discs(np.array(centers), np.array(radii)))
 
 
 def wall(*gaps: tuple[float, float]) -> Field:
@@ -233,7 +233,7 @@ def test_other_strides_must_be_positive_and_finite(
 def test_fields_that_are_not_planar_are_refused() -> None:
     ball = Field(
         name="ball",
-        obstacles=Discs([[50.0, 50.0, 50.0]], [5.0]),
+        obstacles=Obstacles.discs([[50.0, 50.0, 50.0]], [5.0]),
         start=[0.0] * 3,
         goal=[100.0] * 3,
         bounds=[[-10.0] * 3, [110.0] * 3],

@@ -15,7 +15,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.turn_radius import keeps_turn_radius, too_sharp_at
 from planners.interface import Status, initial_state
 from planners.optimization.reference.exchange import ByExchange
@@ -189,7 +189,9 @@ def test_certification_pins_what_it_finds() -> None:
 def test_a_search_keeps_the_radius_where_the_shortest_chain_does_not() -> None:
     """From a heading across the way, among no obstacles: a circle, then a line."""
     field = Field(
-        name="aside", obstacles=Discs(np.empty((0, 2)), []), start_derivative=np.array([5.0, -5.0])
+        name="aside",
+        obstacles=Obstacles.discs(np.empty((0, 2)), []),
+        start_derivative=np.array([5.0, -5.0]),
     )
     vehicle = initial_state(field).vehicle
     ways = []
@@ -271,7 +273,7 @@ def test_a_flight_that_heads_away_turns_back(degrees: float) -> None:
     angle = np.radians(45.0 + degrees)
     field = Field(
         name="away",
-        obstacles=Discs(np.empty((0, 2)), []),
+        obstacles=Obstacles.discs(np.empty((0, 2)), []),
         start=np.array([40.0, 40.0]),
         start_derivative=5.0 * np.array([np.cos(angle), np.sin(angle)]),
     )
@@ -292,7 +294,7 @@ def test_a_flight_that_heads_away_turns_back(degrees: float) -> None:
 def test_a_disc_too_near_to_turn_away_from_is_stuck_without_a_flight() -> None:
     """The circles of the radius to both sides meet it: no flight turns past it."""
     towards = np.array([1.0, 1.0]) / np.sqrt(2.0)
-    field = Field(name="ahead", obstacles=Discs([9.0 * towards], [6.0]))
+    field = Field(name="ahead", obstacles=Obstacles.discs([9.0 * towards], [6.0]))
     for radius, can in ((2.5, True), (3.5, True), (3.8, False), (6.0, False)):
         # the circles' centres are sqrt(9^2 + R^2) from the disc's, clear if that is R + 6
         assert (np.hypot(9.0, radius) > radius + 6.0) == can

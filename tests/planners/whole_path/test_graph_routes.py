@@ -11,7 +11,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Route, Router, Status, initial_state
 from planners.registry import make
 from planners.whole_path.astar import AStar
@@ -24,7 +24,7 @@ every_router = pytest.mark.parametrize("router", ROUTERS.values(), ids=ROUTERS)
 
 
 def field_of(centers: object, radii: object, **options: object) -> Field:
-    return Field(name="of discs", obstacles=Discs(centers, radii), **options)  # type: ignore[arg-type]
+    return Field(name="of discs", obstacles=Obstacles.discs(centers, radii), **options)  # type: ignore[arg-type]
 
 
 def across(centers: object, radii: object) -> Field:
@@ -183,7 +183,7 @@ def test_at_the_goal_there_is_nothing_left_to_fly(router: Router) -> None:
 @every_router
 def test_only_discs_in_the_plane(router: Router) -> None:
     space = field_of([[50.0, 50.0, 50.0]], [10.0], start=(0, 0, 0), goal=(100, 100, 100))
-    with pytest.raises(TypeError, match="got Discs in 3 dimensions"):
+    with pytest.raises(TypeError, match="got Obstacles in 3 dimensions"):
         router.route(space, transition.State(space.start, space.departure), 0)
 
 

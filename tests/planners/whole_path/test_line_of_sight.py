@@ -7,7 +7,7 @@ import pytest
 
 from ferguson_gym.shortest_paths.tangents import Scene
 from ferguson_gym.world.field import Field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.whole_path.line_of_sight import lines_clear, scene_from
 from planners.whole_path.shortcut import shortcut
 from tests.support.taut_paths import line_depth, random_field
@@ -34,7 +34,7 @@ def test_lines_are_clear_where_they_keep_their_distance(seed: int) -> None:
 
 @pytest.mark.parametrize("by", [0.0, 1e-7, -1.0, 1.3e-7, 1e-3])
 def test_a_line_may_touch(by: float) -> None:
-    touched = Field(name="touched", obstacles=Discs([[50.0, 50.0]], [10.0]))
+    touched = Field(name="touched", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0]))
     beside, above = [[20.0, 40.0 + by], [80.0, 40.0 + by]], [[20.0, 110.0 + by], [80.0, 110.0 + by]]
     scene = whole_scene(touched)
     assert lines_clear(scene, *beside).tolist() == [by < MARGIN]
@@ -42,14 +42,14 @@ def test_a_line_may_touch(by: float) -> None:
 
 
 def test_a_line_of_length_zero_is_a_point() -> None:
-    scene = whole_scene(Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0])))
+    scene = whole_scene(Field(name="one", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0])))
     points = np.array([[50.0, 50.0], [50.0, 41.0], [50.0, 40.0], [50.0, 30.0], [50.0, -11.0]])
     assert lines_clear(scene, points, points).tolist() == [False, False, True, True, False]
 
 
 @pytest.mark.parametrize("inside", [9e-6, 1.1e-5])
 def test_from_within_the_tolerance_lines_run_no_deeper(inside: float) -> None:
-    field = Field(name="one", obstacles=Discs([[50.0, 50.0]], [10.0]))
+    field = Field(name="one", obstacles=Obstacles.discs([[50.0, 50.0]], [10.0]))
     scene = scene_from(field, np.array([50.0, 40.0 + inside]))
     if inside > 1e-5:
         assert scene is None
@@ -63,7 +63,7 @@ def test_from_within_the_tolerance_lines_run_no_deeper(inside: float) -> None:
 
 @pytest.mark.parametrize("outside", [9e-6, 1.1e-5])
 def test_from_outside_by_the_tolerance_lines_lead_back(outside: float) -> None:
-    field = Field(name="none", obstacles=Discs([], []))
+    field = Field(name="none", obstacles=Obstacles.discs([], []))
     position = np.array([-10.0 - outside, 50.0])
     scene = scene_from(field, position)
     if outside > 1e-5:
@@ -107,7 +107,7 @@ def test_no_clear_way_through_some_of_the_points_is_shorter(seed: int) -> None:
 
 
 def test_a_clear_way_is_pulled_straight() -> None:
-    scene = whole_scene(Field(name="none", obstacles=Discs([], [])))
+    scene = whole_scene(Field(name="none", obstacles=Obstacles.discs([], [])))
     points = np.array([[0.0, 0.0], [10.0, 30.0], [20.0, 5.0], [40.0, 40.0]])
     np.testing.assert_array_equal(shortcut(scene, points), points[[0, -1]])
     np.testing.assert_array_equal(shortcut(scene, points[:1]), points[:1])

@@ -17,7 +17,7 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import CrashedError, Iterations, Route, Seconds
 from planners.registry import make
 from planners.whole_path.ompl import WORKER, Ompl, shared_worker
@@ -34,13 +34,13 @@ FEW = {
 """Enough for a route through most fields."""
 ALGORITHMS = list(FEW)
 ROUTERS = {name: Ompl(algorithm=name, budget=budget) for name, budget in FEW.items()}
-OPEN = Field(name="open", obstacles=Discs(np.empty((0, 2)), []))
+OPEN = Field(name="open", obstacles=Obstacles.discs(np.empty((0, 2)), []))
 
 
 def ring(center: float) -> Field:
     turn = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
     around = 6.0 * np.column_stack([np.cos(turn), np.sin(turn)]) + center
-    return Field(name="ring", obstacles=Discs(around, np.full(16, 2.0)))
+    return Field(name="ring", obstacles=Obstacles.discs(around, np.full(16, 2.0)))
 
 
 def found(router: Ompl, field: Field, seed: int = 0) -> Route:
@@ -51,7 +51,7 @@ def found(router: Ompl, field: Field, seed: int = 0) -> Route:
 
 def depth(route: Route, field: Field) -> float:
     """Penetration depth of a route [m], from the nearest point of each line to each disc."""
-    assert isinstance(field.obstacles, Discs)
+    assert field.obstacles.are_discs
     deepest = -np.inf
     for start, end in zip(route.points[:-1], route.points[1:], strict=True):
         way = end - start
@@ -161,14 +161,14 @@ def test_a_budget_in_seconds_is_kept(name: str) -> None:
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_planning_ends_where_no_sample_is_free(name: str) -> None:
     # the disc's circle passes through start and goal, and all else is inside
-    disc = Discs([[50.0, 50.0]], [50.0 * np.sqrt(2.0)])
+    disc = Obstacles.discs([[50.0, 50.0]], [50.0 * np.sqrt(2.0)])
     field = Field(name="full", obstacles=disc, bounds=np.array([0.0, 100.0]))
     assert ROUTERS[name].route(field, transition.initial_state(field), 0) is None
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
 def test_ends_may_touch_discs_and_bounds(name: str) -> None:
-    discs = Discs([[-3.0, 4.0], [103.0, 96.0], [50.0, 50.0]], [5.0, 5.0, 10.0])
+    discs = Obstacles.discs([[-3.0, 4.0], [103.0, 96.0], [50.0, 50.0]], [5.0, 5.0, 10.0])
     field = Field(name="touching", obstacles=discs, bounds=np.array([0.0, 100.0]))
     assert depth(found(ROUTERS[name], field), field) <= 1e-9
 
@@ -178,7 +178,7 @@ def test_ends_may_touch_discs_and_bounds(name: str) -> None:
 def test_a_vehicle_may_violate_discs_and_bounds_by_the_tolerance(
     name: str, beyond: float, free: bool
 ) -> None:
-    in_disc = Field(name="disc", obstacles=Discs([[0.0, 10.0]], [5.0]))
+    in_disc = Field(name="disc", obstacles=Obstacles.discs([[0.0, 10.0]], [5.0]))
     outside = Field(name="bound", obstacles=in_disc.obstacles, bounds=np.array([0.0, 100.0]))
     for field, position in ((in_disc, [0.0, 5.0 + beyond]), (outside, [-beyond, 0.0])):
         vehicle = transition.State(np.array(position), np.array([5.0, 0.0]))
@@ -192,12 +192,12 @@ def test_a_vehicle_may_violate_discs_and_bounds_by_the_tolerance(
 def test_obstacles_other_than_discs_in_the_plane_are_refused() -> None:
     balls = Field(
         name="balls",
-        obstacles=Discs([[50.0, 50.0, 50.0]], [5.0]),
+        obstacles=Obstacles.discs([[50.0, 50.0, 50.0]], [5.0]),
         start=np.zeros(3),
         goal=np.full(3, 100.0),
     )
     vehicle = transition.State(balls.start, balls.departure)
-    with pytest.raises(TypeError, match="among discs in the plane, got Discs in 3 dimensions"):
+    with pytest.raises(TypeError, match="among discs in the plane, got Obstacles in 3 dimensions"):
         ROUTERS["rrt"].route(balls, vehicle, 0)
 
 

@@ -13,7 +13,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import CrashedError, Route, State, Status, initial_state
 from planners.optimization.certification import TARGET_TOLERANCE
@@ -21,7 +21,7 @@ from planners.registry import make
 from planners.whole_path.planner import WholePath
 from planners.whole_path.route_fit import fit
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ def test_the_fit_pulls_a_detour_taut() -> None:
 def test_the_fit_keeps_to_its_side_of_a_wall() -> None:
     """The way round the left is a metre longer, but it is the way of the route."""
     across = np.linspace(-30.0, 30.0, 41)[:, None] * np.array([1.0, -1.0]) / np.sqrt(2.0)
-    wall = Field(name="wall", obstacles=Discs(50.0 + across + 0.5, np.full(41, 3.0)))
+    wall = Field(name="wall", obstacles=Obstacles.discs(50.0 + across + 0.5, np.full(41, 3.0)))
     lengths = []
     for side in (1.0, -1.0):
         beside = 50.0 + side * 40.0 * np.array([-1.0, 1.0]) / np.sqrt(2.0)
@@ -126,7 +126,9 @@ def test_where_no_segments_are_left_nothing_is_fitted(flown: int) -> None:
 
 def test_a_heading_into_a_disc_cannot_be_fitted() -> None:
     field = Field(
-        name="ahead", obstacles=Discs([[4.0, 0.0]], [3.5]), start_derivative=np.array([60.0, 0.0])
+        name="ahead",
+        obstacles=Obstacles.discs([[4.0, 0.0]], [3.5]),
+        start_derivative=np.array([60.0, 0.0]),
     )
     plan = make("shortest").plan(field, initial_state(field), 0)
     assert plan.status is Status.NOT_FITTED
@@ -140,7 +142,7 @@ def test_no_route_and_a_crash_are_failures_with_a_name() -> None:
     assert crash.status is Status.CRASHED
     walled = Field(
         name="walled",
-        obstacles=Discs(
+        obstacles=Obstacles.discs(
             [100.0 + 8.0 * np.array([np.cos(a), np.sin(a)]) for a in np.arange(0.0, 6.3, 0.2)],
             np.full(32, 1.0),
         ),

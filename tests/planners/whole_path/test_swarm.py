@@ -12,7 +12,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Evaluations, Route, Seconds
 from planners.registry import make
 from planners.whole_path.swarm import Swarms, bees, particles
@@ -39,7 +39,7 @@ def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penal
     chords = np.linalg.norm(np.diff(points, axis=1), axis=-1)
     points = points[:, 1:]
     lengths = chords.sum(axis=1)
-    assert isinstance(field.obstacles, Discs)
+    assert field.obstacles.are_discs
     depth = p.margin - field.obstacles.signed_distance(points)
     low, high = field.bounds
     outside = np.maximum(np.maximum(low - points, points - high), 0.0).sum(axis=-1)
@@ -62,7 +62,7 @@ def test_the_objective_is_length_and_penalties(name: str) -> None:
 
 
 def test_discs_across_the_bounds_are_felt_from_outside() -> None:
-    discs = Discs([[60.0, -20.0], [115.0, 50.0], [-12.0, -12.0]], [15.0, 30.0, 10.0])
+    discs = Obstacles.discs([[60.0, -20.0], [115.0, 50.0], [-12.0, -12.0]], [15.0, 30.0, 10.0])
     field, penalties = Field(name="rim", obstacles=discs), Penalties()
     objective = objective_of(field, Encoding(across=1.0), penalties)
     stream = np.random.default_rng(1)
@@ -78,7 +78,11 @@ def test_discs_across_the_bounds_are_felt_from_outside() -> None:
 def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: int) -> None:
     goal = (3.0 * distance / 5.0, 4.0 * distance / 5.0)
     field = Field(
-        name="open", obstacles=Discs([], []), goal=goal, bounds=(-10, 130), start_derivative=(2, 1)
+        name="open",
+        obstacles=Obstacles.discs([], []),
+        goal=goal,
+        bounds=(-10, 130),
+        start_derivative=(2, 1),
     )
     objective = objective_of(field, Encoding(), Penalties())
     straight = objective.control(np.zeros(objective.unknowns))
@@ -97,7 +101,7 @@ def test_unknowns_are_all_that_a_chain_leaves_free(distance: float, segments: in
 
 
 def test_on_the_goal_itself_a_chain_has_no_length() -> None:
-    field = Field(name="open", obstacles=Discs([], []))
+    field = Field(name="open", obstacles=Obstacles.discs([], []))
     vehicle = transition.State(field.goal, np.array([5.0, 5.0]), 9)
     objective = chain_objective(field, vehicle, Encoding(), Penalties())
     assert objective.unknowns == 2
@@ -113,7 +117,7 @@ def test_halves_are_tents() -> None:
 
 
 def test_swarms_need_discs_in_the_plane() -> None:
-    ball = Discs([[50.0, 50.0, 50.0]], [5.0])
+    ball = Obstacles.discs([[50.0, 50.0, 50.0]], [5.0])
     space = Field(name="space", obstacles=ball, start=(0, 0, 0), goal=(100, 100, 100))
     vehicle = transition.State(space.start, space.departure)
     with pytest.raises(TypeError, match="discs in the plane"):
@@ -182,7 +186,7 @@ def test_on_the_way_the_segments_flown_are_part_of_the_seed(swarms: Swarms) -> N
 
 
 def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
-    wall = Discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
+    wall = Obstacles.discs([[50.0, y] for y in range(-10, 111, 5)], [4.0] * 25)
     field = Field(name="wall", obstacles=wall)
     assert swarms.route(field, transition.initial_state(field), 0) is None
 
@@ -191,7 +195,7 @@ def test_there_is_no_route_through_a_wall(swarms: Swarms) -> None:
 def test_a_goal_out_of_reach_is_not_searched_for(swarms: Swarms, goal: float, flown: int) -> None:
     field = Field(
         name="far",
-        obstacles=Discs([], []),
+        obstacles=Obstacles.discs([], []),
         goal=(goal, 0.0),
         bounds=(-1e6, 1e6),
         limits={"segments": 10**6 if goal == 1e6 else 40},

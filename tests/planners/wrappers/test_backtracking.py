@@ -9,14 +9,14 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Decision, Plan, State, Status, WindowReport, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import PlannerSpec, make
 from planners.rollout import roll_out
 from planners.wrappers.backtracking import Backtracking, segments_without_progress
 
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ def test_the_paper_s_planner_is_led_out_of_a_pocket() -> None:
 
 def test_it_flies_back_if_planner_and_guide_fail() -> None:
     state = visiting((20, 20), (30, 30), (38, 38))
-    wall = Discs([[44.0, 44.0]], [6.0])  # 2.5 m ahead
+    wall = Obstacles.discs([[44.0, 44.0]], [6.0])  # 2.5 m ahead
     field = Field(name="wall", obstacles=wall)
     decision = Backtracking(planner=Stuck(), guide=Stuck()).decide(field, state, 0)
     assert decision.chain is not None

@@ -12,7 +12,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Plan, Replanner, State, initial_state
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
@@ -32,7 +32,7 @@ def corridor(deep: float) -> Field:
         for side in (-1.0, 1.0)
     ]
     end = [start + (deep + radius) * along + side * across for side in (-3.0, -1.0, 1.0, 3.0)]
-    discs = Discs(np.array(walls + end), np.full(len(walls) + 4, radius))
+    discs = Obstacles.discs(np.array(walls + end), np.full(len(walls) + 4, radius))
     return Field(name="corridor", obstacles=discs, start=start)
 
 
@@ -49,7 +49,7 @@ def without(field: Field, disc: int) -> Field:
 
 def seen_at(field: Field, plan: Plan) -> list[int]:
     """Segments flown before each disc came into range of points on them; -1 for never."""
-    assert isinstance(field.obstacles, Discs)
+    assert field.obstacles.are_discs
     points = evaluate(plan.control, np.linspace(0.0, 1.0, 4001))
     distance = np.concatenate(
         [
@@ -67,10 +67,10 @@ def test_obstacles_in_range_of_the_path_flown_are_known(spec: str) -> None:
     field = get_field(spec)
     _, plan = sensed(field)
     first = np.array(seen_at(field, plan))
-    assert isinstance(field.obstacles, Discs)
+    assert field.obstacles.are_discs
     for flown, state in enumerate(plan.states):
         obstacles = known_field(field, state, REACH).obstacles
-        assert isinstance(obstacles, Discs)
+        assert obstacles.are_discs
         mask = (first >= 0) & (first <= flown)
         np.testing.assert_array_equal(obstacles.centers, field.obstacles.centers[mask])
         np.testing.assert_array_equal(obstacles.radii, field.obstacles.radii[mask])
@@ -156,7 +156,7 @@ def test_it_flies_into_a_dead_end_and_out_again(reach: float) -> None:
 
 
 def test_segments_leave_room_to_turn_before_the_unknown() -> None:
-    field = Field(name="open", obstacles=Discs([], []))
+    field = Field(name="open", obstacles=Obstacles.discs([], []))
     _, plan = sensed(field, reach=PAPER_LIMITS.longest)
     assert plan.success
     step = np.linalg.norm(plan.control[:-1, 1] - plan.control[:-1, 0], axis=-1)

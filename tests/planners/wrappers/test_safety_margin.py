@@ -10,7 +10,7 @@ from agents.flights.flight import fly
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.turn_radius import keeps_turn_radius
 from planners.interface import Decision, State, initial_state
 from planners.receding_horizon.guided import Guided
@@ -26,7 +26,9 @@ def gap(wide: float) -> Field:
     radius = 4.0
     sides = [side * (radius + 0.5 * wide + 6.0 * k) for k in range(13) for side in (-1.0, 1.0)]
     centers = [60.0 * along + side * across for side in sides]
-    return Field(name="gap", obstacles=Discs(np.array(centers), np.full(len(sides), radius)))
+    return Field(
+        name="gap", obstacles=Obstacles.discs(np.array(centers), np.full(len(sides), radius))
+    )
 
 
 def test_flights_keep_the_margin_where_there_is_room() -> None:
@@ -87,8 +89,8 @@ def test_vehicle_start_and_goal_are_never_inside_grown_obstacles() -> None:
     plan = Guided().plan(field, initial_state(field), 0)
     for state in plan.states:
         shown = grown_field(field, state, 3.0)
-        assert isinstance(shown.obstacles, Discs)
-        assert isinstance(field.obstacles, Discs)
+        assert shown.obstacles.are_discs
+        assert field.obstacles.are_discs
         by = shown.obstacles.radii - field.obstacles.radii
         assert (by >= 0.0).all()
         assert by.max() == pytest.approx(3.0)
@@ -103,7 +105,7 @@ def test_the_grown_field_stays_the_same_object_while_nothing_is_near() -> None:
     field = get_field("sparse/train:1")
     plan = make(f"guided+margin={MARGIN}").plan(field, initial_state(field), 0)
     shown = [grown_field(field, state, MARGIN) for state in plan.states]
-    radii = [s.obstacles.radii for s in shown if isinstance(s.obstacles, Discs)]
+    radii = [s.obstacles.radii for s in shown if s.obstacles.are_discs]
     for (before, after), (r, s) in zip(
         itertools.pairwise(shown), itertools.pairwise(radii), strict=True
     ):
@@ -121,8 +123,8 @@ class Refusing:
         self.field, self.most, self.asked = field, most, []
 
     def decide(self, field: Field, state: State, seed: int) -> Decision:
-        assert isinstance(field.obstacles, Discs)
-        assert isinstance(self.field.obstacles, Discs)
+        assert field.obstacles.are_discs
+        assert self.field.obstacles.are_discs
         self.asked.append(float((field.obstacles.radii - self.field.obstacles.radii).max()))
         decision = Guided().decide(field, state, seed)
         if self.asked[-1] <= self.most:

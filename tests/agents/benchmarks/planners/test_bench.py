@@ -20,7 +20,7 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import Plan, Route, Seconds, State, initial_state
 from planners.registry import PLANNERS, make
 from planners.whole_path.planner import with_seconds
@@ -250,10 +250,10 @@ def test_the_benchmarks_own_test_of_a_path() -> None:
     assert not certified(turned, FIELD)
     # a disc in the middle of a segment, where it was clear
     middle = control[4, :2].mean(axis=0)
-    assert isinstance(FIELD.obstacles, Discs)
+    assert FIELD.obstacles.are_discs
     blocked = Field(
         name="blocked",
-        obstacles=Discs(
+        obstacles=Obstacles.discs(
             np.vstack([FIELD.obstacles.centers, middle]), np.append(FIELD.obstacles.radii, 1.0)
         ),
     )

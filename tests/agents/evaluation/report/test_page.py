@@ -19,7 +19,7 @@ from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from tests.support.written_results import HOSTILE, STRANGE, chain, write_results, write_three
 
 
@@ -140,13 +140,13 @@ def test_common_failures_do_not_fill_the_whole_budget(tmp_path: Path) -> None:
 
 
 def test_fields_are_those_handed_in_or_drawn_by_name(three: Path) -> None:
-    odd = Field(name=HOSTILE, obstacles=Discs([[50.0, 51.5]], [7.25]))
+    odd = Field(name=HOSTILE, obstacles=Obstacles.discs([[50.0, 51.5]], [7.25]))
     write_report(three, {HOSTILE: odd})
     drawn = {field["name"]: field for field in held(three)["browser"]["fields"]}
     assert drawn[HOSTILE]["discs"] == [5000, 5150, 725]
     assert drawn[HOSTILE]["goal"] == [10000, 10000]
     named = get_field("standard/train:2")
-    assert isinstance(named.obstacles, Discs)
+    assert named.obstacles.are_discs
     discs = np.reshape(drawn["standard/train:2"]["discs"], (-1, 3)) / 100.0
     np.testing.assert_allclose(discs[:, :2], named.obstacles.centers, atol=0.005)
     np.testing.assert_allclose(discs[:, 2], named.obstacles.radii, atol=0.005)

@@ -24,7 +24,7 @@ from ferguson_gym.simulation.settings import settings_of
 from ferguson_gym.world import transition
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from tests.support.places import ROOT
 
@@ -70,7 +70,7 @@ def drawn(architecture: Architecture) -> CompiledNetwork:
 def seen_by(environment: dict[str, Any], number: int) -> Observation:
     """Observations of vehicles at random places, some without any obstacle."""
     stream, settings = np.random.default_rng(5), settings_of(environment)
-    empty = Field(name="none", obstacles=Discs([], []))
+    empty = Field(name="none", obstacles=Obstacles.discs([], []))
     parts = []
     for k in range(number):
         field = (get_field("dense/train:0"), get_field("traps/train:1"), empty)[k % 3]

@@ -22,14 +22,18 @@ from ferguson_gym.rendering.drawing import OBSTACLE, SEEN
 from ferguson_gym.rendering.motion import STRIDE
 from ferguson_gym.world.field import Field, to_json
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from planners.interface import Replanner, initial_state
 from planners.registry import make
 
-HEAD_ON = Field(name="head-on", obstacles=Discs([[5, 0]], [5]), start_derivative=np.array([5, 0]))
+HEAD_ON = Field(
+    name="head-on", obstacles=Obstacles.discs([[5, 0]], [5]), start_derivative=np.array([5, 0])
+)
 """No flight leaves it: the start touches a disc and faces its centre."""
-WALL = Field(name="wall", obstacles=Discs([[25.0, y] for y in range(-10, 111, 5)], [4] * 25))
+WALL = Field(
+    name="wall", obstacles=Obstacles.discs([[25.0, y] for y in range(-10, 111, 5)], [4] * 25)
+)
 """From bound to bound: there is no way to the goal."""
 REPLANNERS = ("single-start", "multi-start", "guided")
 
@@ -205,7 +209,7 @@ def test_the_vehicle_is_drawn_at_its_position_and_obstacles_in_range_are_darker(
             "guided",
             Field(
                 name="$odd [name] " + "long " * 30,
-                obstacles=Discs([], []),
+                obstacles=Obstacles.discs([], []),
                 goal=np.array([20.0, 0.0]),
                 bounds=np.array([[-5.0, -3.0], [25.0, 3.0]]),
             ),

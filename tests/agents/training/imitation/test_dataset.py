@@ -22,7 +22,7 @@ from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 
 FIELDS = {seed: get_field(f"sparse/train:{seed}") for seed in range(4)}
@@ -85,7 +85,9 @@ def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None
 
 
 def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
-    field = Field(name="two", obstacles=Discs([[20.0, 30.0], [17.0, 20.0], [90, 10]], [2, 1.5, 3]))
+    field = Field(
+        name="two", obstacles=Obstacles.discs([[20.0, 30.0], [17.0, 20.0], [90, 10]], [2, 1.5, 3])
+    )
     # at (20, 20), heading up the second axis: forward is y, left is -x
     vehicle = State(np.array([20.0, 20.0]), np.array([0.0, 7.0]))
     action = np.zeros(4, np.float32)

@@ -17,7 +17,7 @@ from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.world.actions import decode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 
 KINDS: list[dict[str, Any]] = [
@@ -33,8 +33,8 @@ KINDS: list[dict[str, Any]] = [
 
 def flipped(field: Field) -> Field:
     discs = field.obstacles
-    assert isinstance(discs, Discs)
-    return Field(name="mirror", obstacles=Discs(discs.centers[:, ::-1], discs.radii))
+    assert discs.are_discs
+    return Field(name="mirror", obstacles=Obstacles.discs(discs.centers[:, ::-1], discs.radii))
 
 
 def states(number: int) -> list[State]:

@@ -18,7 +18,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.actions import decode, encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from planners.interface import initial_state
 from planners.receding_horizon.pursuit import Pursuit
@@ -227,7 +227,7 @@ def test_downhill_segments_become_feasible() -> None:
     ],
 )
 def test_each_fault_alone_is_mended_downhill(action: Array, why: str) -> None:
-    discs = Discs([[4.0, -2.5], [80.0, 80.0]], [3.0, 1.0])
+    discs = Obstacles.discs([[4.0, -2.5], [80.0, 80.0]], [3.0, 1.0])
     if why != "through a disc":
         discs = discs.only(np.array([False, True]))
     field = Field(name="one", obstacles=discs, start=[0.0, 0.0], start_derivative=[7.0, 0.0])

@@ -7,7 +7,7 @@ from ferguson_gym.world import transition
 from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.certification import TARGET_TOLERANCE
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.reference.exchange import ByExchange, broken_rows
@@ -17,7 +17,7 @@ from planners.optimization.window import WindowSettings, horizon_window
 
 def test_exchange_closes_what_samples_miss() -> None:
     # a disc so small that it hides between the paper's samples of a straight flight
-    disc = Discs([[4.7, 4.7]], [0.08])
+    disc = Obstacles.discs([[4.7, 4.7]], [0.08])
     field = Field(name="pin", obstacles=disc)
     window = horizon_window(field, transition.initial_state(field), WindowSettings(), 3)
     guess = straight_ahead(transition.initial_state(field), 3, PAPER_LIMITS)
@@ -46,7 +46,7 @@ def test_exchange_closes_what_samples_miss() -> None:
 def test_certification_names_the_row_that_is_broken(
     segment: list[list[float]], kind: str | None
 ) -> None:
-    field = Field(name="disc", obstacles=Discs([[26.0, 50.0]], [1.0]))
+    field = Field(name="disc", obstacles=Obstacles.discs([[26.0, 50.0]], [1.0]))
     rows = broken_rows(np.array([segment], dtype=float), field)
     assert [type(row).__name__ for row in rows] == ([] if kind is None else [kind])
     for row in rows:

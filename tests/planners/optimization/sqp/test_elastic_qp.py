@@ -8,7 +8,7 @@ import pytest
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State, initial_state
 from planners.optimization.initial_guesses import straight_ahead
 from planners.optimization.quadrature import BENDING
@@ -146,7 +146,7 @@ def test_steps_from_random_chains_are_optimal_where_rows_are_compatible() -> Non
 
 def test_rows_that_cannot_be_satisfied_are_broken_less() -> None:
     # ten metres inside a disc a step of half a metre does not lead out
-    disc = Discs([[20.0, 50.0]], [10.0])
+    disc = Obstacles.discs([[20.0, 50.0]], [10.0])
     field = Field(name="deep", obstacles=disc, start=[9.0, 50.0], start_derivative=[5.0, 0.0])
     window = horizon_window(field, initial_state(field), WindowSettings(), 3)
     chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
@@ -164,7 +164,9 @@ def test_rows_that_cannot_be_satisfied_are_broken_less() -> None:
 def test_a_length_beyond_its_limits_is_brought_back_to_them(
     end: list[float], goal: list[float], limit: float
 ) -> None:
-    field = Field(name="open", obstacles=Discs([], []), goal=goal, start_derivative=[1.0, 1.0])
+    field = Field(
+        name="open", obstacles=Obstacles.discs([], []), goal=goal, start_derivative=[1.0, 1.0]
+    )
     window = horizon_window(field, initial_state(field), WindowSettings(), 1)
     taken = step(window, np.array([*end, *end]), 2.0)
     assert_optimal(taken)

@@ -10,7 +10,7 @@ from ferguson_gym.curves.clearance import least_speed
 from ferguson_gym.curves.splines import derivative, evaluate
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from planners.optimization.quadrature import bending, lengths
 from planners.optimization.sqp.contacts import HIGH, LOW, NEAR, SPEED
@@ -146,7 +146,9 @@ def test_the_violation_is_a_sum_over_all_limits(drawn: tuple[Window, np.ndarray]
 
 
 def test_a_curve_along_a_disc_has_contacts_everywhere() -> None:
-    field = Field(name="one disc", obstacles=Discs([[0.0, 0.0]], [10.0]), start=[0.0, 10.05])
+    field = Field(
+        name="one disc", obstacles=Obstacles.discs([[0.0, 0.0]], [10.0]), start=[0.0, 10.05]
+    )
     window = horizon_window(field, State(field.start, np.array([10.05, 0.0])), WindowSettings(), 1)
     end = 10.05 * np.array([np.sin(1.0), np.cos(1.0)])
     here = expanded(window, np.concatenate([end, 10.05 * np.array([np.cos(1.0), -np.sin(1.0)])]))
@@ -212,7 +214,7 @@ def test_all_numbers_are_finite_for_any_chain(
 
 
 def test_a_chain_through_a_centre_is_pushed_off_it() -> None:
-    field = Field(name="one disc", obstacles=Discs([[6.0, 0.0]], [2.0]), start=[0.0, 0.0])
+    field = Field(name="one disc", obstacles=Obstacles.discs([[6.0, 0.0]], [2.0]), start=[0.0, 0.0])
     window = horizon_window(field, State(field.start, np.array([12.0, 0.0])), WindowSettings(), 1)
     here = expanded(window, np.array([12.0, 0.0, 12.0, 0.0]))
     (moving,) = here.contact[(here.contact["what"] == 0) & (here.contact["drift"] > 0.0)]

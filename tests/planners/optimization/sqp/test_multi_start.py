@@ -17,7 +17,7 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.limits import PAPER_LIMITS
-from ferguson_gym.world.obstacles import Discs
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State, initial_state
 from planners import interface
 from planners.optimization.certification import TARGET_TOLERANCE, Certified, WindowSolver
@@ -39,7 +39,7 @@ from planners.registry import make
 from tests.support.random_windows import GUESSES, NUMBERS, PLACES, SPEEDS, Case, random_case
 
 SOLVERS: dict[str, WindowSolver] = {"ours": MultiStart(), "slsqp": ByExchange(Slsqp())}
-OPEN = Field(name="open", obstacles=Discs([], []))
+OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,7 +179,7 @@ def test_patience_costs_nothing_but_time(number: int) -> None:
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_small_disc_between_samples_is_avoided(solver: str, at: float) -> None:
     radius = 0.02
-    field = Field(name="pin", obstacles=Discs([[at, at]], [radius]))
+    field = Field(name="pin", obstacles=Obstacles.discs([[at, at]], [radius]))
     window = window_from(field)
     guess = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     ends = SOLVERS[solver].solve(window, [guess])
@@ -195,7 +195,7 @@ def test_a_small_disc_between_samples_is_avoided(solver: str, at: float) -> None
 def test_a_goal_within_reach_is_reached_exactly(distance: float, disc: bool) -> None:
     position = OPEN.goal - distance / np.sqrt(2.0)
     middle = 0.5 * (position + OPEN.goal)
-    discs = Discs([middle], [0.1 * distance]) if disc else OPEN.obstacles
+    discs = Obstacles.discs([middle], [0.1 * distance]) if disc else OPEN.obstacles
     field = Field(name="near", obstacles=discs)
     vehicle = State(position, np.array([4.0, 4.0]))
     segments = max(1, min(3, int(distance / 3.0)))
@@ -214,7 +214,7 @@ def test_limits_hold_for_the_certified_length_and_the_whole_curve(
     limits: dict[str, float], final: bool
 ) -> None:
     some = replace(PAPER_LIMITS, **limits)
-    discs = Discs([[8.0, 7.0]], [3.0])
+    discs = Obstacles.discs([[8.0, 7.0]], [3.0])
     field = Field(name="disc", obstacles=discs, goal=[14.0, 13.0], limits=some)
     make_window = final_window if final else horizon_window
     window = make_window(field, initial_state(field), WindowSettings(), 3)
@@ -263,13 +263,11 @@ def test_no_guesses_give_no_ends(solver: str) -> None:
 
 
 def test_other_obstacles_than_discs_are_refused() -> None:
-    class Walls:
-        """Not discs."""
-
-    window = dataclasses.replace(window_from(OPEN), obstacles=Walls())
+    walls = Obstacles.capsules([[[9.0, 0.0], [9.0, 9.0]]], 1.0)
+    window = dataclasses.replace(window_from(OPEN), obstacles=walls)
     guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
     with pytest.raises(
-        TypeError, match=r"discs, not Walls; planners\.optimization\.reference\.exchange"
+        TypeError, match=r"discs, not other shapes; planners\.optimization\.reference\.exchange"
     ):
         MultiStart().solve(window, [guess])
 
@@ -282,7 +280,7 @@ def test_a_guess_that_is_not_a_number_is_refused() -> None:
 
 
 def test_certification_adds_the_contacts_it_finds_broken() -> None:
-    field = Field(name="two", obstacles=Discs([[4.7, 4.7], [30.0, 5.0]], [0.5, 1.0]))
+    field = Field(name="two", obstacles=Obstacles.discs([[4.7, 4.7], [30.0, 5.0]], [0.5, 1.0]))
     window = window_from(field)
     chain = straight_ahead(initial_state(field), 3, PAPER_LIMITS)
     search = Search(ElasticSqp(), window, math.inf)
