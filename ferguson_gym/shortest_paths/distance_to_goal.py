@@ -21,8 +21,8 @@ from ferguson_gym.shortest_paths.departures import (
     shortest_departure,
     turns_along,
 )
-from ferguson_gym.shortest_paths.goal_queries import departure, shortest_leave, turns_of
-from ferguson_gym.shortest_paths.goal_search import GoalSearch, begin_search
+from ferguson_gym.shortest_paths.goal_search.queries import departure, shortest_leave, turns_of
+from ferguson_gym.shortest_paths.goal_search.search import GoalSearch, begin_search
 from ferguson_gym.shortest_paths.tangent_graph import Tracks, build, sweep
 from ferguson_gym.shortest_paths.tangents import Integers, Scene, scene
 from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace

@@ -5,7 +5,7 @@ through the tangent graph are therefore shortest paths of different classes, exc
 differ only in a disc touched without turning; of these the tangent past the disc is kept. Routes
 are extended best first (A*). The exact distance to the goal is known from every node and serves as
 the heuristic, so that routes are completed in the order of their lengths. Among many discs see
-`class_search`.
+`goal_search.class_search`.
 
 Classes with loops are left out: a path whose lines cross, or that follows a part of a disc twice
 in the same sense. Removing the loop would leave a shorter path of another class.
@@ -24,7 +24,6 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.class_search import find_classes
 from ferguson_gym.shortest_paths.departures import (
     NOWHERE,
     STRAIGHT,
@@ -33,6 +32,7 @@ from ferguson_gym.shortest_paths.departures import (
     straight,
 )
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.goal_search.class_search import find_classes
 from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop, point_of
 from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
 from ferguson_gym.shortest_paths.tangents import TWO_PI, Scene, is_clear, view

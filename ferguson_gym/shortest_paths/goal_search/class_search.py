@@ -13,8 +13,8 @@ import numpy as np
 
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import STRAIGHT
-from ferguson_gym.shortest_paths.goal_queries import lines_from, shortest_leave
-from ferguson_gym.shortest_paths.goal_search import (
+from ferguson_gym.shortest_paths.goal_search.queries import lines_from, shortest_leave
+from ferguson_gym.shortest_paths.goal_search.search import (
     GoalSearch,
     advance,
     length_to,
@@ -22,8 +22,8 @@ from ferguson_gym.shortest_paths.goal_search import (
     set_anchor,
     with_sector,
 )
+from ferguson_gym.shortest_paths.goal_search.sector_tangents import EIGHTH, sector_of
 from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop, point_of
-from ferguson_gym.shortest_paths.sector_tangents import EIGHTH, sector_of
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, sweep
 from ferguson_gym.shortest_paths.tangents import TWO_PI
 

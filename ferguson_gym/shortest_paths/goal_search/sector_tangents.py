@@ -15,8 +15,8 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.disc_grid import Grid, cells_around, is_passed
-from ferguson_gym.shortest_paths.tangent_bins import (
+from ferguson_gym.shortest_paths.goal_search.disc_grid import Grid, cells_around, is_passed
+from ferguson_gym.shortest_paths.goal_search.tangent_bins import (
     BINS,
     COSINES,
     SINES,

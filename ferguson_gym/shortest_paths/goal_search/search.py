@@ -24,8 +24,14 @@ from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.disc_grid import make_grid
-from ferguson_gym.shortest_paths.sector_tangents import EIGHTH, Exit, Site, add_exits, sector_of
+from ferguson_gym.shortest_paths.goal_search.disc_grid import make_grid
+from ferguson_gym.shortest_paths.goal_search.sector_tangents import (
+    EIGHTH,
+    Exit,
+    Site,
+    add_exits,
+    sector_of,
+)
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL
 from ferguson_gym.shortest_paths.tangents import DISC, TWO_PI, Integers, Records, Scene
 

@@ -14,15 +14,15 @@ import numpy as np
 
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT, Departure
-from ferguson_gym.shortest_paths.disc_grid import cell_at
-from ferguson_gym.shortest_paths.goal_search import (
+from ferguson_gym.shortest_paths.goal_search.disc_grid import cell_at
+from ferguson_gym.shortest_paths.goal_search.search import (
     GoalSearch,
     advance,
     length_to,
     reverse,
     set_anchor,
 )
-from ferguson_gym.shortest_paths.sector_tangents import Exit, Site, add_exits
+from ferguson_gym.shortest_paths.goal_search.sector_tangents import Exit, Site, add_exits
 from ferguson_gym.shortest_paths.tangent_graph import GOAL
 
 SLACK = 1e-9

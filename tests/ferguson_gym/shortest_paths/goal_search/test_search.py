@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from ferguson_gym.shortest_paths.class_search import LONGEST
 from ferguson_gym.shortest_paths.exact import shortest_path
+from ferguson_gym.shortest_paths.goal_search.class_search import LONGEST
 from ferguson_gym.shortest_paths.homotopy_classes import classes
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field

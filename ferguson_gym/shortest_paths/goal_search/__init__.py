@@ -1,0 +1,1 @@
+"""The search from the goal among many discs, which is kept and continued for each query."""
