@@ -66,10 +66,10 @@ def stopped_by_clock(policy: str) -> bool:
 
 def hash_field(field: Field) -> str:
     """SHA-256 of a field's arrays, limits and obstacles."""
+    obstacles = field.obstacles
     arrays = [field.start, field.goal, field.bounds, field.departure]
-    obstacles, rest = field.obstacles, repr(field.limits).encode()
-    if obstacles.are_discs:
-        arrays += [obstacles.centers, obstacles.radii]
-    else:
-        rest += repr(obstacles).encode()
+    arrays += [obstacles.points, obstacles.radii]
+    rest = repr(field.limits).encode()
+    if not obstacles.are_discs:
+        rest += obstacles.starts.tobytes()
     return hashlib.sha256(b"".join(array.tobytes() for array in arrays) + rest).hexdigest()
