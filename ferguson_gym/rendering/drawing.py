@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.markers import MarkerStyle
-from matplotlib.patches import Circle
+from matplotlib.patches import Circle, Patch, Polygon
 from matplotlib.transforms import Affine2D
 
 from ferguson_gym.curves.splines import evaluate
@@ -22,6 +22,7 @@ from ferguson_gym.svg.colours import REFUSED as REFUSED
 from ferguson_gym.svg.colours import SEEN as SEEN
 from ferguson_gym.svg.colours import SEGMENTS as SEGMENTS
 from ferguson_gym.svg.colours import START as START
+from ferguson_gym.svg.outline import outline
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 
@@ -41,14 +42,19 @@ def draw_field(axes: Axes, field: Field) -> None:
 
 
 def draw_obstacles(axes: Axes, obstacles: Obstacles, colour: str = OBSTACLE) -> None:
-    """Obstacles, if they are discs."""
-    if obstacles.are_discs:
-        circles = [
-            Circle((float(x), float(y)), float(r))
-            for (x, y), r in zip(obstacles.centers, obstacles.radii, strict=True)
-        ]
-        patches = PatchCollection(circles, facecolor=colour, edgecolor=OBSTACLE_EDGE, lw=0.5)
-        axes.add_collection(patches)
+    """Obstacles in the plane."""
+    shapes = [
+        _shape(obstacles.core(k), radius) for k, radius in enumerate(obstacles.radii.tolist())
+    ]
+    patches = PatchCollection(shapes, facecolor=colour, edgecolor=OBSTACLE_EDGE, lw=0.5)
+    axes.add_collection(patches)
+
+
+def _shape(core: Array, radius: float) -> Patch:
+    """A convex core (m, 2), grown by a radius [m]."""
+    if len(core) == 1:
+        return Circle((float(core[0, 0]), float(core[0, 1])), radius)
+    return Polygon(outline(core, radius).points)
 
 
 def draw_path(axes: Axes, control: Array, *, first: int = 0, knots: bool = True) -> None:

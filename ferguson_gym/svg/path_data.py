@@ -40,6 +40,25 @@ def polyline_data(points: Array) -> str:
     return f"M{pair(corners[0])}" + "".join(f"l{pair(step)}" for step in steps)
 
 
+def outline_data(arcs: Array, radius: float) -> str:
+    """A closed line of arcs (k, 2, 2), each below half a turn, joined by lines, as path data.
+
+    Args:
+        arcs: start and end of each arc.
+        radius: of all arcs; 0 where the lines meet in corners.
+    """
+    ends, size = whole(arcs), round(radius)
+    steps = np.diff(ends.reshape(-1, 2), axis=0)
+    x, y = arcs[:, 0].T
+    positive = int(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) > 0.0)
+    parts = [f"M{pair(ends[0, 0])}"]
+    for k, step in enumerate(steps):
+        if step.any():
+            arc = size > 0 and k % 2 == 0
+            parts.append((f"a{size} {size} 0 0 {positive} " if arc else "l") + pair(step))
+    return "".join(parts) + "z"
+
+
 def whole(values: Array) -> Whole:
     """Numbers rounded to whole units."""
     return np.rint(np.asarray(values)).astype(np.int64)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +22,8 @@ from ferguson_gym.svg.colours import (
     START,
 )
 from ferguson_gym.svg.motion import Timeline, appearing, moving, trailing
-from ferguson_gym.svg.path_data import chain_data, pair, polyline_data, whole
+from ferguson_gym.svg.outline import outline
+from ferguson_gym.svg.path_data import chain_data, outline_data, pair, polyline_data, whole
 
 _STAR = np.array(
     [
@@ -56,14 +58,21 @@ class Picture:
     def __repr__(self) -> str:
         return f"<Picture: {self.caption}>"
 
-    def add_discs(self, centers: Array, radii: Array) -> None:
-        """Add obstacles: discs with centres (n, 2) and radii (n,) [m]."""
-        middles, sizes = whole(self._placed(np.asarray(centers))), whole(self._scale * radii)
-        circles = "".join(
-            f'<circle cx="{x}" cy="{y}" r="{r}"/>' for (x, y), r in zip(middles, sizes, strict=True)
-        )
+    def add_obstacles(self, cores: Iterable[Array], radii: Array) -> None:
+        """Add obstacles: convex cores (m, 2) in counter-clockwise order, and their radii (n,) [m].
+
+        A core of a point is a disc.
+        """
+        shapes = "".join(self._obstacle(*one) for one in zip(cores, radii.tolist(), strict=True))
         look = f'fill="{OBSTACLE}" stroke="{OBSTACLE_EDGE}" stroke-width="{PIXEL // 2}"'
-        self._shapes.append(f"<g {look}>{circles}</g>")
+        self._shapes.append(f"<g {look}>{shapes}</g>")
+
+    def _obstacle(self, core: Array, radius: float) -> str:
+        if len(core) == 1:
+            x, y = whole(self._placed(core[0]))
+            return f'<circle cx="{x}" cy="{y}" r="{round(self._scale * radius)}"/>'
+        arcs = self._placed(outline(core, radius).arcs)
+        return f'<path d="{outline_data(arcs, self._scale * radius)}"/>'
 
     def add_ends(self, start: Array, goal: Array) -> None:
         """Add the marks of a start and a goal, both (2,) [m]."""

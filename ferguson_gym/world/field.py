@@ -188,7 +188,7 @@ class Field(ShowsPicture):
         return import_module("ferguson_gym.rendering").plot_field(self, axes)
 
     def picture(self) -> Picture:
-        """A picture of the discs, start, goal and bounds; other obstacles are left out.
+        """A picture of the obstacles, start, goal and bounds.
 
         Raises:
             ValueError: a field that is not planar.
@@ -200,8 +200,7 @@ class Field(ShowsPicture):
         number = len(self.obstacles)
         caption = f"{self.name}: {number} obstacle{'s' * (number != 1)}"
         picture = Picture(self.bounds[0], self.bounds[1], caption)
-        if self.obstacles.are_discs:
-            picture.add_discs(self.obstacles.centers, self.obstacles.radii)
+        picture.add_obstacles(map(self.obstacles.core, range(number)), self.obstacles.radii)
         picture.add_ends(self.start, self.goal)
         return picture
 

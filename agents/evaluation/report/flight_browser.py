@@ -129,7 +129,8 @@ def _choose(
         if scene.field not in drawn:
             field = draw_field(flights.fields[scene.field], fields, changes)
             drawn[scene.field] = field
-            used += 6 * len(field["discs"] or ()) + len(field["shortest"] or "") + 2 * _FLIGHT
+            used += 6 * len(field["discs"] or ()) + len(field.get("shapes", ""))
+            used += len(field["shortest"] or "") + 2 * _FLIGHT
         runs = [_run(flights, k, control[k]) for k in scenes[scene].tolist()]
         used += sum(_FLIGHT + len(run["path"]) for run in runs)
         chosen[scene] = runs

@@ -11,8 +11,9 @@ import numpy as np
 from agents.flights.field_changes import FieldChanges
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import ShortestPath, shortest_path
-from ferguson_gym.svg.path_data import Whole, chain_data, pair, whole
-from ferguson_gym.world import field_names
+from ferguson_gym.svg.outline import outline
+from ferguson_gym.svg.path_data import Whole, chain_data, outline_data, pair, whole
+from ferguson_gym.world import Obstacles, field_names
 from ferguson_gym.world.field import BOUNDS, Field
 
 
@@ -34,9 +35,10 @@ def draw_shortest(path: ShortestPath) -> str:
 
 
 def draw_field(name: str, fields: Mapping[str, Field], changes: FieldChanges) -> dict[str, Any]:
-    """Bounds, start, goal, discs and shortest path of a changed field, as far as they are known.
+    """Bounds, start, goal, obstacles and shortest path of a changed field, as far as known.
 
-    A field that is not in `fields` is drawn if its name defines it.
+    A field that is not in `fields` is drawn if its name defines it. Of obstacles that are not all
+    discs, `shapes` is the path data.
     """
     field = fields[name] if name in fields else _named(name)
     field = None if field is None else changes.apply(field)
@@ -46,11 +48,25 @@ def draw_field(name: str, fields: Mapping[str, Field], changes: FieldChanges) ->
         return drawn
     drawn["bounds"] = _centimetres(field.bounds).ravel().tolist()
     drawn["start"], drawn["goal"] = (_centimetres(p).tolist() for p in (field.start, field.goal))
+    drawn |= draw_obstacles(field.obstacles)
     if field.obstacles.are_discs:
-        discs = np.column_stack([field.obstacles.centers, field.obstacles.radii])
-        drawn["discs"] = _centimetres(discs).ravel().tolist()
         shortest = shortest_path(field)
         drawn["shortest"] = None if shortest is None else draw_shortest(shortest)
+    return drawn
+
+
+def draw_obstacles(obstacles: Obstacles) -> dict[str, Any]:
+    """Discs as `discs`, three numbers each [cm], and all others as the path data `shapes`."""
+    discs = np.diff(obstacles.starts) == 1
+    centers, radii = obstacles.points[obstacles.starts[:-1][discs]], obstacles.radii[discs]
+    drawn: dict[str, Any] = {
+        "discs": _centimetres(np.column_stack([centers, radii])).ravel().tolist()
+    }
+    if others := np.flatnonzero(~discs).tolist():
+        outlines = [outline(obstacles.core(k), float(obstacles.radii[k])) for k in others]
+        drawn["shapes"] = "".join(
+            outline_data(100.0 * one.arcs, 100.0 * one.radius) for one in outlines
+        )
     return drawn
 
 

@@ -38,6 +38,17 @@ def test_a_path_is_drawn_over_its_field_which_sets_the_limits() -> None:
     assert len(segments.get_paths()) == len(BEND)
 
 
+def test_obstacles_of_every_shape_are_drawn() -> None:
+    axes = Figure().add_subplot()
+    boxes = Obstacles.boxes([[50.0, 20.0], [10.0, 40.0]], [[60.0, 40.0], [20.0, 50.0]], [0.0, 3.0])
+    shapes = Obstacles.joined([Obstacles.discs([[30.0, 30.0]], [5.0]), boxes])
+    Field(name="mixed", obstacles=shapes).plot(axes)
+    disc, sharp, rounded = axes.collections[0].get_paths()
+    extents = [path.get_extents().get_points() for path in (disc, sharp, rounded)]
+    expected = [[25, 25], [35, 35]], [[50, 20], [60, 40]], [[7, 37], [23, 53]]
+    np.testing.assert_allclose(extents, expected)
+
+
 def test_a_path_alone_is_seen_whole_and_undistorted() -> None:
     axes = Figure().add_subplot()
     BEND.plot(axes)

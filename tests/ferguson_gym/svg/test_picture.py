@@ -14,7 +14,7 @@ from agents.flights import Flight, fly
 from ferguson_gym import get_field
 from ferguson_gym.curves import Path, evaluate
 from ferguson_gym.svg.axes import PIXELS, UNITS
-from ferguson_gym.svg.colours import GOAL, REFUSED, SEGMENTS, START
+from ferguson_gym.svg.colours import GOAL, OBSTACLE, REFUSED, SEGMENTS, START
 from ferguson_gym.world import Field, Obstacles, Outcome
 from planners import Plan, Status, make
 from planners.interface import initial_state
@@ -95,6 +95,23 @@ def test_a_field_shows_its_discs_start_goal_and_name() -> None:
     assert caption(FIELD) == f"paper:3: {len(FIELD.obstacles)} obstacles"
     numbers = [text.text for text in root.iter(f"{NS}text")]
     assert numbers[:-1] == ["0", "20", "40", "60", "80", "100"] * 2
+
+
+def test_a_field_shows_obstacles_of_every_shape() -> None:
+    shapes = Obstacles.joined(
+        [
+            Obstacles.discs([[30.0, 30.0]], [5.0]),
+            Obstacles.boxes([[50.0, 20.0]], [[60.0, 40.0]]),
+            Obstacles.capsules([[[20.0, 70.0], [40.0, 80.0]]], 2.0),
+        ]
+    )
+    root = parsed(Field(name="mixed", obstacles=shapes))
+    (group,) = (part for part in root.iter(f"{NS}g") if part.get("fill") == OBSTACLE)
+    disc, box, capsule = group
+    assert disc.tag == f"{NS}circle"
+    corners = np.cumsum(np.array(re.findall(r"-?\d+", box.get("d")), float).reshape(-1, 2), axis=0)
+    np.testing.assert_allclose(metres(corners), shapes.core(1), atol=0.01)
+    assert capsule.get("d").count("a") == 4
 
 
 def test_a_plan_shows_its_segments_exactly(plan: Plan) -> None:

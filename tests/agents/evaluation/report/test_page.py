@@ -13,7 +13,7 @@ import pytest
 
 from agents.evaluation.report import page as report
 from agents.evaluation.report.page import page, write_report
-from agents.evaluation.report.svg import draw_chain, draw_shortest
+from agents.evaluation.report.svg import draw_chain, draw_obstacles, draw_shortest
 from agents.plots.policy_comparison import COLOURS
 from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.shortest_paths.exact import shortest_path
@@ -153,6 +153,19 @@ def test_fields_are_those_handed_in_or_drawn_by_name(three: Path) -> None:
     write_report(three)
     unknown = {field["name"]: field for field in held(three)["browser"]["fields"]}[HOSTILE]
     assert unknown["discs"] is unknown["shortest"] is None
+
+
+def test_obstacles_of_every_shape_are_drawn(three: Path) -> None:
+    box, wall = (
+        Obstacles.boxes([[10, 20]], [[30, 50]]),
+        Obstacles.capsules([[[60, 70], [80, 70]]], 2),
+    )
+    shapes = Obstacles.joined([box, Obstacles.discs([[50.0, 51.5]], [7.25]), wall])
+    drawn = draw_obstacles(shapes)
+    assert drawn["discs"] == [5000, 5150, 725]
+    first, second = drawn["shapes"].split("z")[:-1]
+    assert first == "M1000 2000l2000 0l0 3000l-2000 0"
+    assert [arc[0] for arc in numbers(second) if len(arc) == 7] == [200.0] * 4
 
 
 def test_a_file_is_never_taken_for_a_field_by_its_name(
