@@ -32,13 +32,14 @@ RENDER_MODES = ("human", "rgb_array", "rgb_array_list")
 
 
 class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
-    """Fly from (0, 0) to (100, 100) around random discs, one smooth segment at a time.
+    """Fly from (0, 0) to (100, 100) around obstacles, one smooth segment at a time.
 
     ## Description
     A vehicle flies in the plane along Ferguson (cubic Hermite) segments that join with equal
     derivatives. Each action is a segment; an episode is a flight. Every segment is certified along
-    its whole length, not sampled. After the paper Receding Horizon UAV Path Planning Via
-    Gradient-Based Optimization of Ferguson Splines (2015).
+    its whole length, not sampled. Obstacles are random discs, or, in fields of your own, any convex
+    cores grown by radii (`ferguson_gym.world.obstacles.Obstacles`). After the paper Receding
+    Horizon UAV Path Planning Via Gradient-Based Optimization of Ferguson Splines (2015).
 
     ## Action space
     `Box(-1, 1, (4,), float32)`, in the body frame. Zero flies 9 m straight ahead. Every feasible
@@ -79,12 +80,23 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     | rays | `rays` | range to an obstacle or bound, counter-clockwise from straight ahead | 0..1 |
     | obstacles | 4 `nearest` | rows of four, nearest first: centre, forward and left | -1..1 |
     | | | radius | 0..1 |
-    | | | distance from the vehicle to the disc's surface | -1..1 |
+    | | | distance from the vehicle to the obstacle's surface | -1..1 |
     | mask | `nearest` | 1 for an obstacle, 0 for a row of padding | 0..1 |
 
     The obstacles are those whose surface is within `view` of the point `focus` metres ahead of the
     vehicle, the nearest to that point first. From rays a plain network learns to fly; from discs it
     learns almost nothing in the same number of steps (docs/learnability.md).
+
+    An obstacle of another shape is a core (the convex hull of its corners) grown by a radius. Its
+    row shows, in place of a centre, the point of the core's outline that is nearest to the vehicle;
+    its radius is that of the core, 0 for a polygon with sharp corners; and the distance is that
+    from the vehicle to the obstacle's surface, negative inside. The row is thus that of a disc,
+    which lies in the obstacle, is as far away and in the same direction; it glides along the core
+    as the vehicle moves. For a disc, whose core is its centre, this is the same as above.
+
+    Rays end at the surface of every shape, also at edges and rounded corners, to single precision
+    (some micrometres). From inside an obstacle, where the tolerance allows a vehicle to be, those
+    that lead into it are zero.
 
     With `way=N` the vehicle is shown the way, which is **global knowledge**: it comes from the
     whole field, seen or not. The way is the shortest path to the goal that keeps `margin` from
@@ -188,7 +200,8 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
 
     ## Arguments
     All are kept in `env.spec`, so that `gym.make(env.spec)` makes the same environment. `capacity`
-    matters only for vector environments; the scalar environment reallocates as needed.
+    matters only for vector environments; the scalar environment reallocates as needed. It counts
+    obstacles, whatever number of corners they have.
 
     | argument | default | meaning |
     | --- | --- | --- |
@@ -210,7 +223,7 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
     | `progress` | straight | or way: how rewards measure progress |
     | `reference` | False | whether infos tell the length of the shortest path |
     | `detour`, `failure` | 4.0, 2.0 | penalties in the reward |
-    | `capacity` | None | maximum number of obstacles of a field, if above the suite's |
+    | `capacity` | None | maximum number of obstacles of a field, if above the suite's or pool's |
     | `render_mode` | None | or human, rgb_array, rgb_array_list |
 
     Without `gate` and `segments`, each field's limits hold: 1 m and 40 in those of the suites.
@@ -295,7 +308,6 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
         """Start a flight; see the class for which field it goes through.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: unknown options; a bad value of an argument; a field of another type, an
                 unknown name or a field that is not planar; or a seed that is not an integer
                 from 0 to 2**63 - 1.

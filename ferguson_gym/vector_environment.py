@@ -201,7 +201,6 @@ class VectorObstacleField(VectorArguments, VectorEnv[Any, Action, Array]):
         """Start flights, all or those of `options["reset_mask"]`.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: lists of another length than N; unknown options; a bad value of an argument;
                 a mask of another type
                 or shape, or without a True; a field of another type, an unknown name, a field

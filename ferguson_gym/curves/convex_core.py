@@ -28,6 +28,12 @@ class Cores(NamedTuple):
 
 
 @compiled
+def has_core(cores: Cores, k: int) -> bool:
+    """Whether obstacle k is no disc."""
+    return len(cores.first) > 0 and cores.first[k + 1] - cores.first[k] > 1
+
+
+@compiled
 def most_corners(cores: Cores) -> int:
     """Largest number of corners of a core; 0 if all obstacles are discs."""
     most = 0
@@ -48,7 +54,9 @@ class Nearest(NamedTuple):
 
 
 @compiled
-def nearest_on_core(point: Array, corners: Array, first: int, end: int, axes: Rows) -> Nearest:
+def nearest_on_core(
+    point: Array | tuple[float, float], corners: Array, first: int, end: int, axes: Rows
+) -> Nearest:
     """The nearest corner or edge of a core to a point (D,), and the signed distance.
 
     Inside a polygon it is the edge whose line is nearest.

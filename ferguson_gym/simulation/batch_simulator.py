@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numba
@@ -76,7 +76,8 @@ class BatchSimulator:
     ) -> None:
         number = len(settings)
         self.settings, self.number = settings, number
-        self._store = FieldStore(number + room, capacity)
+        corners = max(one.max_corners for one in _distinct(settings))
+        self._store = FieldStore(number + room, capacity, corners)
         self._drawn = DrawnFields(self._store, number)
         self._buffers = make_buffers(
             settings[0], number, self._store.arrays, mode, BLOCK, longest=segments
@@ -99,10 +100,9 @@ class BatchSimulator:
         return self._buffers.flights["outcome"]
 
     def ensure_capacity(self, field: Field) -> None:
-        """Make room for as many obstacles as this field has.
+        """Make room for as many obstacles, and corners of them, as this field has.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: a field that is not planar.
         """
         self._store.ensure_capacity(field)
@@ -114,7 +114,8 @@ class BatchSimulator:
             return
         self._buffers = self._buffers._replace(fields=self._store.arrays, **replaced)
         self._plain_buffers = as_plain_tuple(self._buffers)
-        self._helpers = None  # which step the old buffers
+        # which may still look for work on the old buffers, by the old counters
+        self._helpers, self._counters = None, new_counters()
 
     def change(self, changes: Mapping[int, Settings]) -> None:
         """Give vehicles other settings, of the same observations, from their next flight on.
@@ -133,8 +134,9 @@ class BatchSimulator:
             else:
                 flights["next"][i] = EMPTY
                 self._pending.pop(i, None)
-        capacity = max((new.max_obstacles for new in changes.values()), default=0)
-        self._store.make_room(0, capacity)
+        every = _distinct(changes.values())
+        capacity = max((new.max_obstacles for new in every), default=0)
+        self._store.make_room(0, capacity, max((new.max_corners for new in every), default=0))
         self._make_room_for(longest)
         self._use_arrays()
         if self._drawn.sources > SOURCES + len({one.source for one in set(self.settings)}):
@@ -190,9 +192,8 @@ class BatchSimulator:
             changes: new settings of vehicles, as for `change`.
 
         Raises:
-            TypeError: obstacles other than discs.
-            ValueError: a field that is not planar or has more obstacles than the capacity. In
-                either case nothing has changed.
+            ValueError: a field that is not planar or has more obstacles than the capacity; nothing
+                has changed.
         """
         which = np.flatnonzero(chosen).tolist()
         asked_for = [i for i in which if fields[i] is not None]
@@ -215,6 +216,7 @@ class BatchSimulator:
                 flights["next"][i] += 1
             else:
                 self._put(i, field if isinstance(field, Field) else (self.settings[i], field))
+        self._use_arrays()
         step_kernel.reset(self._plain_buffers, chosen)
         if self._ways is not None:
             self._ways.begin(self._buffers)
@@ -286,10 +288,11 @@ class BatchSimulator:
             write_rules(buffers.rules[i], one)
         for i, given in state["given"].items():
             self._put(i, given)
+        self._use_arrays()
         for i, seeds in state["upcoming"].items():
             self._pending[i], flights["next"][i] = seeds.astype(np.int64), BLOCK
         if self._ways is not None and state["given"]:
-            self._ways.begin(buffers)
+            self._ways.begin(self._buffers)
 
     def _start_helpers(self) -> HelperThreads:
         # locals, since threads that referred to `self` would keep it alive
@@ -377,3 +380,8 @@ class BatchSimulator:
             return None
         control: Array = self._buffers.paths[i, flight["segments"]].copy()
         return control
+
+
+def _distinct(settings: Iterable[Settings]) -> list[Settings]:
+    """Each object once: to compare settings takes long where they name many fields."""
+    return list({id(one): one for one in settings}.values())

@@ -11,6 +11,7 @@ from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled_in_place
 from ferguson_gym.world.field import Field, planar_obstacles
+from ferguson_gym.world.field_pool import corners_of
 from ferguson_gym.world.obstacles import Obstacles
 
 FIELD_RECORD = np.dtype(
@@ -63,15 +64,21 @@ class FieldStore:
     """Holds fields of at most M = `capacity` obstacles in numbered slots.
 
     Slots beyond the last filled one take no memory, since the operating system provides zeros on
-    first use. When the slots or the capacity no longer suffice, `arrays` are replaced.
+    first use. When the slots, the capacity or the room for corners no longer suffice, `arrays` are
+    replaced.
+
+    Args:
+        slots: number of slots at first.
+        capacity: M.
+        corners: of the cores of a field, other than of discs alone, for which there is room.
     """
 
-    def __init__(self, slots: int, capacity: int) -> None:
+    def __init__(self, slots: int, capacity: int, corners: int = 0) -> None:
         self.capacity = capacity
         self._default = Field(
             name="default", obstacles=Obstacles.discs(np.empty((0, 2)), np.empty(0))
         )
-        self.arrays = _empty(slots, max(capacity, 1), 0)
+        self.arrays = _empty(slots, max(capacity, 1), corners)
         self.used = 0
         """Number of slots up to the last filled one."""
 
@@ -82,7 +89,7 @@ class FieldStore:
             ValueError: a field that is not planar.
         """
         obstacles = planar_obstacles(field)
-        self.make_room(0, len(obstacles), _corners(obstacles))
+        self.make_room(0, len(obstacles), corners_of(obstacles))
 
     def make_room(self, slots: int, capacity: int = 0, corners: int = 0) -> None:
         """Provide at least so many slots, for so many obstacles and corners of other than discs."""
@@ -93,6 +100,8 @@ class FieldStore:
             return
         # doubled, so that a field is seldom copied
         number = max(slots, 2 * len(old.records)) if slots > len(old.records) else len(old.records)
+        if corners > room > 0:
+            corners = max(corners, 2 * room)
         new = _empty(number, most, max(corners, room))
         new.records[:used] = old.records[:used]
         new.discs[:used, 2] = -np.inf
@@ -127,12 +136,12 @@ class FieldStore:
 
     def put(self, slot: int, field: Field) -> None:
         """Write a field, already checked, into a slot."""
-        self.make_room(0, 0, _corners(field.obstacles))
+        self.make_room(0, 0, corners_of(field.obstacles))
         self._put(slot, field, field.obstacles)
 
     def put_obstacles(self, slot: int, obstacles: Obstacles) -> None:
         """Write a field with the default start, goal and bounds into a slot."""
-        self.make_room(0, 0, _corners(obstacles))
+        self.make_room(0, 0, corners_of(obstacles))
         self._put(slot, self._default, obstacles)
 
     def _put(self, slot: int, field: Field, obstacles: Obstacles) -> None:
@@ -153,11 +162,6 @@ class FieldStore:
             arrays.first[slot, number + 1 :] = obstacles.starts[-1]
             arrays.radii[slot, :number] = obstacles.radii
         self.used = max(self.used, slot + 1)
-
-
-def _corners(obstacles: Obstacles) -> int:
-    """Number of corners for which a store needs room; 0 for discs."""
-    return 0 if obstacles.are_discs else len(obstacles.points)
 
 
 def _empty(slots: int, capacity: int, corners: int) -> FieldArrays:

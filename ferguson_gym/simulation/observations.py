@@ -9,8 +9,15 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ferguson_gym.curves.convex_core import Cores, has_core
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
+from ferguson_gym.simulation.observed_cores import (
+    keep_within,
+    nearest_outline_point,
+    shorten_by_arc,
+    shorten_by_core,
+)
 from ferguson_gym.world.actions import heading, share_of_steepest
 
 FlatObservation: TypeAlias = NDArray[np.float32]
@@ -80,6 +87,7 @@ def write_observation(
     bounds: Array,
     columns: Array,
     radii: Array,
+    cores: Cores,
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
@@ -87,8 +95,9 @@ def write_observation(
 
     `observations` (N n,) hold for each entry the values of all N, then the next entry; `i` is the
     index of the one to write. `remaining` is the fraction of segments left, `unit` that of the
-    field's limits [m]. Discs have centres
-    `columns` (2, M) and `radii` (M,), minus infinity for padding. Scratch: work (2, M), found (M,).
+    field's limits [m]. The balls that bound the obstacles, discs themselves, have centres
+    `columns` (2, M) and `radii` (M,), minus infinity for padding; `cores` are those of obstacles
+    that are not all discs. Scratch: work (2, M), found (M,).
     """
     turn = heading(derivative[0], derivative[1])
     cos, sin = turn.real, turn.imag
@@ -106,7 +115,18 @@ def write_observation(
         mask, rest = rest[nearest * i : nearest * (i + 1)], rest[nearest * number :]
         rows = rest[4 * nearest * i : 4 * nearest * (i + 1)]
         _write_nearest(
-            mask, rows, layout.focus * unit, view, position, cos, sin, columns, radii, work, found
+            mask,
+            rows,
+            layout.focus * unit,
+            view,
+            position,
+            cos,
+            sin,
+            columns,
+            radii,
+            cores,
+            work,
+            found,
         )
         rest = rest[4 * nearest * number :]
     if rays > 0:
@@ -120,6 +140,7 @@ def write_observation(
             bounds,
             columns,
             radii,
+            cores,
             work,
             found,
         )
@@ -146,7 +167,7 @@ def _within(
     spare: Array,
     found: NDArray[np.int64],
 ) -> int:
-    """Fill `found` with the discs whose surface is within view of a point; return their number."""
+    """Fill `found` with the balls whose surface is within view of a point; return their number."""
     for k in range(len(radii)):  # no branches or roots, so that it becomes vector instructions
         along, across = columns[0, k] - x, columns[1, k] - y
         wide = radii[k] + view
@@ -170,10 +191,11 @@ def _write_nearest(
     sin: float,
     columns: Array,
     radii: Array,
+    cores: Cores,
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Write mask (K,) and obstacles (4 K,): discs within view, nearest to the focus first."""
+    """Write mask (K,) and obstacles (4 K,): those within view, nearest to the focus first."""
     near, share = work[1], 1.0 / view
     x, y = position[0] + focus * cos, position[1] + focus * sin
     number = _within(view, x, y, columns, radii, work[0], found)
@@ -181,6 +203,8 @@ def _write_nearest(
         k = found[m]
         along, across = columns[0, k] - x, columns[1, k] - y
         near[m] = np.sqrt(along * along + across * across) - radii[k]
+    if len(cores.first) > 0:
+        number = keep_within(view, x, y, cores, number, found, near)
     for j in range(len(mask)):
         mask[j] = 0.0
     for j in range(len(rows)):
@@ -189,15 +213,20 @@ def _write_nearest(
         j = 0
         for other in range(number):
             j += near[other] < near[m]
-        while j < len(mask) and mask[j] > 0.0:  # taken by a disc at the same distance
+        while j < len(mask) and mask[j] > 0.0:  # taken by an obstacle at the same distance
             j += 1
         if j < len(mask):
             k = found[m]
-            x, y = columns[0, k] - position[0], columns[1, k] - position[1]
+            if has_core(cores, k):
+                at_x, at_y, distance = nearest_outline_point(position[0], position[1], cores, k)
+                x, y, radius = at_x - position[0], at_y - position[1], cores.radii[k]
+            else:
+                x, y, radius = columns[0, k] - position[0], columns[1, k] - position[1], radii[k]
+                distance = np.sqrt(x * x + y * y) - radius
             rows[4 * j] = _clipped((cos * x + sin * y) * share)
             rows[4 * j + 1] = _clipped((cos * y - sin * x) * share)
-            rows[4 * j + 2] = _clipped(radii[k] * share)
-            rows[4 * j + 3] = _clipped((np.sqrt(x * x + y * y) - radii[k]) * share)
+            rows[4 * j + 2] = _clipped(radius * share)
+            rows[4 * j + 3] = _clipped(distance * share)
             mask[j] = 1.0
 
 
@@ -211,10 +240,11 @@ def _write_ranges(
     bounds: Array,
     columns: Array,
     radii: Array,
+    cores: Cores,
     work: Array,
     found: NDArray[np.int64],
 ) -> None:
-    """Write ranges (R,) to the nearest disc or bound along directions (2, R).
+    """Write ranges (R,) to the nearest obstacle or bound along directions (2, R).
 
     Loops over rays have no branches and single precision, so that they become vector
     instructions; the result is of single precision anyway.
@@ -237,18 +267,11 @@ def _write_ranges(
         ranges[j] = reach if reach > none else none
     for m in range(_within(far, position[0], position[1], columns, radii, work[0], found)):
         k = found[m]
+        if has_core(cores, k):
+            shorten_by_core(ranges, directions, position[0], position[1], turn, far, cores, k)
+            continue
         x, y = columns[0, k] - position[0], columns[1, k] - position[1]
-        ahead = np.float32(turn.real * x + turn.imag * y)
-        left = np.float32(turn.real * y - turn.imag * x)
-        # (r - a)(r + a): r^2 - a^2 would cancel for a disc so large that it is like a wall
-        radius = np.float32(radii[k])
-        for j in range(len(ranges)):
-            along = directions[0, j] * ahead + directions[1, j] * left
-            across = directions[0, j] * left - directions[1, j] * ahead
-            half2 = (radius - across) * (radius + across)
-            reach = along - np.sqrt(half2 if half2 > none else none)
-            reach = reach if reach > none else none
-            hit = half2 > none and along > none and reach < ranges[j]
-            ranges[j] = reach if hit else ranges[j]
+        ahead, left = turn.real * x + turn.imag * y, turn.real * y - turn.imag * x
+        shorten_by_arc(ranges, directions, ahead, left, radii[k])
     for j in range(len(ranges)):
         ranges[j] *= one / view

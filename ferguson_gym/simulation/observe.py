@@ -7,10 +7,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from ferguson_gym.simulation.observations import Layout, Observation, entries_of, write_observation
+from ferguson_gym.curves.convex_core import Cores
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.simulation.observations import (
+    FlatObservation,
+    Layout,
+    Observation,
+    entries_of,
+    write_observation,
+)
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.ways import observe_way
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.transition import State
 
 
@@ -29,38 +38,65 @@ def observe(field: Field, vehicles: Sequence[State], settings: Settings) -> Obse
     """Observations (n, size) by entry, of n vehicles, as an environment gives them.
 
     Raises:
-        TypeError: obstacles other than discs.
         ValueError: a field that is not planar.
     """
-    discs = planar_discs(field)
+    obstacles = planar_obstacles(field)
+    centers, radii = obstacles.balls
     layout, most = _layout(settings), settings.segments or field.limits.segments
     sizes, count = layout.entries(), len(vehicles)
     flat = np.empty(count * sum(sizes.values()), np.float32)
-    columns = np.ascontiguousarray(discs.centers.T)
-    work, found = np.empty((2, len(discs))), np.empty(len(discs), np.int64)
-    position, derivative = np.empty(2), np.empty(2)
-    for i, vehicle in enumerate(vehicles):
-        # copied, since another kernel would be compiled for read-only memory
-        position[:], derivative[:] = vehicle.position, vehicle.derivative
+    positions = np.array([vehicle.position for vehicle in vehicles]).reshape(count, 2)
+    derivatives = np.array([vehicle.derivative for vehicle in vehicles]).reshape(count, 2)
+    _write(
+        flat,
+        layout,
+        positions,
+        derivatives,
+        1.0 - np.array([vehicle.segments for vehicle in vehicles], np.float64) / most,
+        field.limits.unit,
+        field.goal,
+        field.bounds,
+        np.ascontiguousarray(centers.T),
+        radii,
+        obstacles.cores,
+    )
+    entries = entries_of(flat, sizes, count)
+    if layout.way:
+        entries["way"][:] = observe_way(field, positions, derivatives, settings, layout)
+    return entries
+
+
+@compiled
+def _write(
+    flat: FlatObservation,
+    layout: Layout,
+    positions: Array,
+    derivatives: Array,
+    remaining: Array,
+    unit: float,
+    goal: Array,
+    bounds: Array,
+    columns: Array,
+    radii: Array,
+    cores: Cores,
+) -> None:
+    """Write the observations (m n,) of m vehicles in one field; see `write_observation`."""
+    work, found = np.empty((2, len(radii))), np.empty(len(radii), np.int64)
+    for i in range(len(positions)):
         write_observation(
             flat,
             i,
-            count,
+            len(positions),
             layout,
-            position,
-            derivative,
-            1.0 - vehicle.segments / most,
-            field.limits.unit,
-            field.goal,
-            field.bounds,
+            positions[i],
+            derivatives[i],
+            remaining[i],
+            unit,
+            goal,
+            bounds,
             columns,
-            discs.radii,
+            radii,
+            cores,
             work,
             found,
         )
-    entries = entries_of(flat, sizes, count)
-    if layout.way:
-        positions = np.array([vehicle.position for vehicle in vehicles]).reshape(count, 2)
-        derivatives = np.array([vehicle.derivative for vehicle in vehicles]).reshape(count, 2)
-        entries["way"][:] = observe_way(field, positions, derivatives, settings, layout)
-    return entries

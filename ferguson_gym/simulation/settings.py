@@ -194,6 +194,11 @@ class Settings:
         return max_discs(self.suite, self.recipe) if self.pool is None else self.pool.max_obstacles
 
     @property
+    def max_corners(self) -> int:
+        """Number of corners of a field's obstacles, as far as it is known; 0 for discs."""
+        return 0 if self.pool is None else self.pool.max_corners
+
+    @property
     def pool(self) -> FieldPool | None:
         """The pool from which resets draw, unless they draw fields of the suite."""
         return self.fields if isinstance(self.fields, FieldPool) else None

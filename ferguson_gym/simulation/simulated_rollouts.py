@@ -43,7 +43,6 @@ class SimulatedRollouts:
         settings: of observations and limits.
 
     Raises:
-        TypeError: obstacles other than discs.
         ValueError: a field that is not planar, or a state that has no segments left.
     """
 

@@ -144,6 +144,7 @@ def _observe(
         field.bounds,
         fields.discs[slot, :2],
         fields.discs[slot, 2],
+        cores_of(fields, slot),
         work,
         found,
     )

@@ -14,6 +14,7 @@ from ferguson_gym.runtime.arrays import truncate_repr
 from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.field_names import GRAMMAR, family, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
+from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.suites import max_discs, suite_field
 
 MAX_FIELDS = 1_000_000
@@ -50,7 +51,6 @@ class FieldPool:
         parts: ranges of a suite's fields, and fields; `FieldPool.of` makes them of names.
 
     Raises:
-        TypeError: obstacles other than discs.
         ValueError: a field that is not planar, no field, or more than `MAX_FIELDS`.
     """
 
@@ -75,7 +75,6 @@ class FieldPool:
                 files, or several of these.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: something else, an unknown name, or as `FieldPool`.
 
         Example:
@@ -111,6 +110,12 @@ class FieldPool:
         )
 
     @property
+    def max_corners(self) -> int:
+        """Number of corners that the obstacles of a field given as such may have; 0 for discs."""
+        given = (part for part in self.parts if isinstance(part, Field))
+        return max((corners_of(part.obstacles) for part in given), default=0)
+
+    @property
     def max_segments(self) -> int:
         """Number of segments that a flight may have."""
         return max(limits.segments for limits in self._limits())
@@ -128,6 +133,11 @@ class FieldPool:
 
     def __deepcopy__(self, memo: Any) -> FieldPool:
         return self  # it cannot change
+
+
+def corners_of(obstacles: Obstacles) -> int:
+    """Number of corners of cores for which there must be room; 0 for discs, which need none."""
+    return 0 if obstacles.are_discs else len(obstacles.points)
 
 
 def _parts(given: Any) -> tuple[SuiteRange | Field, ...]:
