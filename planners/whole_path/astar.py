@@ -1,9 +1,9 @@
 """Routes by A* on a grid with 8 neighbours, shortened by lines of any angle.
 
 The grid spans the bounds. Its edges, not its cells, are checked for collision: an edge is kept if
-the straight line between its two grid points is clear of the discs. A passage is missed only if no
-grid edge fits through it. Vehicle and goal are connected to the grid points around them. The search
-uses networkx; its path is then shortcut by collision-free lines.
+the straight line between its two grid points is clear of the obstacles. A passage is missed only if
+no grid edge fits through it. Vehicle and goal are connected to the grid points around them. The
+search uses networkx; its path is then shortcut by collision-free lines.
 
 Reference:
     Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
@@ -22,7 +22,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.tangents import Integers
 from ferguson_gym.world import Field, transition
 from planners.interface import Route
-from planners.whole_path.line_of_sight import lines_clear, scene_from
+from planners.whole_path.line_of_sight import lines_clear, sight_from
 from planners.whole_path.shortcut import shortcut
 
 MAX_STEPS = 400
@@ -55,14 +55,14 @@ class AStar:
         """Find a route from the vehicle to the goal; the seed has no effect.
 
         Raises:
-            TypeError: obstacles other than discs in the plane.
+            ValueError: a field that is not planar.
         """
         # an optional library, which importing the planners must not require
         import networkx
 
         began = time.perf_counter()
-        scene = scene_from(field, vehicle.position)
-        if scene is None:
+        around = sight_from(field, vehicle.position)
+        if around is None:
             return None
         axes = [_axis(low, high, self.resolution) for low, high in field.bounds.T]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -76,7 +76,7 @@ class AStar:
                 [[start, goal]],
             ]
         )
-        moves = moves[lines_clear(scene, points[moves[:, 0]], points[moves[:, 1]])]
+        moves = moves[lines_clear(around, points[moves[:, 0]], points[moves[:, 1]])]
         lengths = _rounded(np.linalg.norm(points[moves[:, 0]] - points[moves[:, 1]], axis=1))
         graph = networkx.Graph()
         graph.add_nodes_from((start, goal))
@@ -87,7 +87,7 @@ class AStar:
             way = networkx.astar_path(graph, start, goal, lambda node, _: togo[node])
         except networkx.NetworkXNoPath:
             return None
-        corners = shortcut(scene, points[way])
+        corners = shortcut(around, points[way])
         length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
         found = time.perf_counter() - began, length
         return Route(points=corners, length=length, progress=[found])

@@ -18,9 +18,9 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.optional_dependencies import require
-from ferguson_gym.shortest_paths.tangents import Records, scene
 from ferguson_gym.world import Field, transition
 from planners.interface import Iterations, Route, Seconds
+from planners.whole_path.line_of_sight import Barriers, core_distances, sight
 from planners.whole_path.subprocess_worker import Worker
 
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
@@ -28,8 +28,8 @@ Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
 WORKER = "planners.whole_path.ompl_server"
 """Module that runs in the subprocess."""
 CONTACT_MARGIN = 1e-12
-"""Discs touched by start or goal are shrunk by this relative amount, so that rounding does not put
-start or goal inside."""
+"""Obstacles touched by start or goal are shrunk by this relative amount, so that rounding does not
+put start or goal inside."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -37,8 +37,8 @@ class Problem:
     """Request to the subprocess: a planning problem."""
 
     algorithm: Algorithm
-    discs: Records
-    """(n,) discs; a route keeps at least the distance `reach` from their centres."""
+    barriers: Barriers
+    """What a route keeps clear of."""
     bounds: Array
     """(2, 2) lower and upper bounds of the coordinates [m]."""
     start: Array
@@ -98,12 +98,12 @@ class Ompl:
     def route(self, field: Field, vehicle: transition.State, seed: int) -> Route | None:
         """Plan a route (n, 2) from a vehicle to the goal; None if no route was found.
 
-        The route enters no disc and stays inside the bounds. Where the vehicle violates them, by
-        at most the tolerance, the route violates them no further.
+        The route enters no obstacle and stays inside the bounds. Where the vehicle violates them,
+        by at most the tolerance, the route violates them no further.
 
         Raises:
             CrashedError: OMPL crashed or did not answer in time.
-            TypeError: The obstacles are not discs in the plane.
+            ValueError: The field is not planar.
         """
         began = time.perf_counter()
         problem = self._problem(field, vehicle, seed)
@@ -122,14 +122,14 @@ class Ompl:
 
     def _problem(self, field: Field, vehicle: transition.State, seed: int) -> Problem | None:
         """The planning problem; None if vehicle or goal is in collision or out of bounds."""
-        discs = scene(field)[0].discs.copy()
-        tolerance = field.limits.tolerance
-        discs["reach"] = discs["radius"]
+        barriers = sight(field).barriers
+        obstacles, tolerance = barriers.obstacles, field.limits.tolerance
         for end in (vehicle.position, field.goal):
-            distance = np.hypot(discs["x"] - end[0], discs["y"] - end[1])
-            if (distance < discs["radius"] - tolerance).any():
+            distance = core_distances(barriers, *end.tolist())
+            if (distance < obstacles["radius"] - tolerance).any():
                 return None
-            discs["reach"] = np.minimum(discs["reach"], distance * (1.0 - CONTACT_MARGIN))
+            size = np.maximum(np.abs(distance), obstacles["core"])
+            obstacles["reach"] = np.minimum(obstacles["reach"], distance - CONTACT_MARGIN * size)
         low, high = field.bounds
         beyond = np.maximum(low - vehicle.position, vehicle.position - high)
         if beyond.max() > tolerance:
@@ -138,7 +138,7 @@ class Ompl:
         bounds = np.stack([np.minimum(low, vehicle.position), np.maximum(high, vehicle.position)])
         return Problem(
             algorithm=self.algorithm,
-            discs=discs,
+            barriers=barriers,
             bounds=bounds,
             start=vehicle.position,
             goal=field.goal,

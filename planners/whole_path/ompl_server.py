@@ -27,23 +27,22 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.tangents import DISC, Records
 from planners.interface import Iterations
-from planners.whole_path.line_of_sight import keeps_clear
+from planners.whole_path.line_of_sight import BARRIER, Barriers, keeps_clear
 from planners.whole_path.ompl import Algorithm, Answer, Problem
 from planners.whole_path.subprocess_worker import serve
 
 
 class ExactMotionValidator(base.MotionValidator):  # type: ignore[misc]
-    """Exact collision check of straight lines against discs."""
+    """Exact collision check of straight lines against obstacles."""
 
-    def __init__(self, space: Any, discs: Records) -> None:
+    def __init__(self, space: Any, barriers: Barriers) -> None:
         super().__init__(space)
-        self._discs = discs
+        self._barriers = barriers
 
     def checkMotion(self, start: Any, end: Any) -> bool:  # noqa: N802  (OMPL's name)
         """Whether a line is free; it is inside the bounds if its ends are."""
-        return keeps_clear(start[0], start[1], end[0], end[1], self._discs)
+        return keeps_clear(start[0], start[1], end[0], end[1], *self._barriers)
 
 
 class Progress:
@@ -88,14 +87,14 @@ class Task:
         box.low, box.high = problem.bounds.tolist()
         plane.setBounds(box)
         space = base.SpaceInformation(plane)
-        discs = problem.discs
+        barriers = problem.barriers
 
         def is_free(state: Any) -> bool:
             x, y = state[0], state[1]
-            return keeps_clear(x, y, x, y, discs)
+            return keeps_clear(x, y, x, y, *barriers)
 
         space.setStateValidityChecker(is_free)
-        space.setMotionValidator(ExactMotionValidator(space, discs))
+        space.setMotionValidator(ExactMotionValidator(space, barriers))
         space.setup()
         definition = base.ProblemDefinition(space)
         ends = [space.allocState(), space.allocState()]
@@ -210,7 +209,7 @@ def corners(states: Iterable[Any]) -> Array:
     return np.array([(state[0], state[1]) for state in states])
 
 
-def simplified(task: Task, points: Array, discs: Records) -> Array:
+def simplified(task: Task, points: Array, barriers: Barriers) -> Array:
     """A route (n, 2) after OMPL's path simplifier, or unchanged if that is no valid improvement."""
     path = geometric.PathGeometric(task.space)
     state = task.space.allocState()
@@ -220,7 +219,7 @@ def simplified(task: Task, points: Array, discs: Records) -> Array:
     geometric.PathSimplifier(task.space).simplifyMax(path)
     shorter = corners(path.getStates())
     lines = np.concatenate([shorter[:-1], shorter[1:]], axis=1).tolist()
-    clear = all(keeps_clear(x, y, end_x, end_y, discs) for x, y, end_x, end_y in lines)
+    clear = all(keeps_clear(x, y, end_x, end_y, *barriers) for x, y, end_x, end_y in lines)
     return shorter if clear and length(shorter) < length(points) else points
 
 
@@ -242,12 +241,13 @@ def answer(problem: Problem) -> Answer:
     if points is not None:
         progress.record(length(points))
         if problem.simplify:
-            points = simplified(task, points, problem.discs)
+            points = simplified(task, points, problem.barriers)
             progress.record(length(points))
     return Answer(points=points, progress=progress.lengths)
 
 
 if __name__ == "__main__":
     util.noOutputHandler()
-    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, DISC))  # compile before anything is timed
+    # compile before anything is timed
+    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, BARRIER), np.empty((2, 0)))
     serve(answer)

@@ -101,7 +101,7 @@ class Swarms:
         is checked after each round of generations and may be exceeded by one round.
 
         Raises:
-            TypeError: obstacles other than discs in the plane.
+            ValueError: a field that is not planar.
         """
         began = time.perf_counter()
         distance = float(np.linalg.norm(field.goal - vehicle.position))

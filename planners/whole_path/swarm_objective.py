@@ -23,14 +23,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ferguson_gym.curves.convex_core import Cores, nearest_on_core
 from ferguson_gym.curves.splines import basis
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world import transition
-from ferguson_gym.world.field import Field
+from ferguson_gym.world.field import Field, planar_obstacles
+from ferguson_gym.world.obstacles import Obstacles
 
 CELLS = 32
-"""Cells along each side of the grid that stores which discs are near a point."""
+"""Cells along each side of the grid that stores which obstacles are near a point."""
 
 MIN_SEGMENTS = 4
 """Minimum number of segments of a chain, if each then covers at least `MIN_SPACING`."""
@@ -105,32 +107,38 @@ class Penalties:
     """Penalties, added to the length of a chain [m]."""
 
     depth: float = 30.0
-    """For each metre flown inside a disc or outside the bounds, times the depth there [1/m]."""
+    """For each metre flown in an obstacle or outside the bounds, times the depth there [1/m]."""
     inside: float = 3.0
     """For each such metre, at any depth."""
     length: float = 5.0
     """For each metre by which a segment is too short or too long."""
     margin: float = 0.05
-    """Growth of discs [m], since a chain cuts deeper between its samples."""
+    """Growth of obstacles [m], since a chain cuts deeper between its samples."""
     samples: int = 10
     """Number of samples of a segment, its end among them."""
 
 
 class Cells(NamedTuple):
-    """The discs that overlap each cell of a grid over the bounds; border cells are unbounded."""
+    """The obstacles that overlap each cell of a grid over the bounds; border cells are endless."""
 
     low: Array
     """(2,) least coordinates [m]."""
     size: Array
     """(2,) of a cell [m]."""
     first: NDArray[np.int64]
-    """(CELLS^2 + 1,) index of each cell's first disc."""
-    discs: Array
-    """(m, 3) centre and radius [m], by cell, rows of cells one after the other."""
+    """(CELLS^2 + 1,) index of each cell's first obstacle."""
+    balls: Array
+    """(m, 3) centre and radius of the balls that contain them [m], by cell, rows of cells one after
+    the other."""
+    which: NDArray[np.int64]
+    """(m,) index of each."""
+    cores: Cores
+    """Of all obstacles."""
 
 
-def cells(bounds: Array, centers: Array, radii: Array) -> Cells:
-    """Sort discs, centres (n, 2) and radii (n,), into a grid over bounds (2, 2) [m]."""
+def cells(bounds: Array, obstacles: Obstacles) -> Cells:
+    """Sort obstacles into a grid over bounds (2, 2) [m]."""
+    centers, radii = obstacles.balls
     size = (bounds[1] - bounds[0]) / CELLS
     edges = bounds[0] + np.arange(CELLS + 1)[:, None] * size
     edges[0], edges[-1] = -np.inf, np.inf
@@ -140,13 +148,21 @@ def cells(bounds: Array, centers: Array, radii: Array) -> Cells:
     # a little more, for points that rounding puts into the neighbouring cell
     reach = (radii * (1.0 + 1e-9) + 1e-9 * size.max()) ** 2
     inside = square[1][:, None] + square[0] <= reach
+    if not obstacles.are_discs:
+        # the balls of long obstacles overlap many cells that these do not
+        middle = bounds[0] + (np.arange(1, CELLS - 1)[:, None] + 0.5) * size
+        points = np.stack(np.meshgrid(middle[:, 0], middle[:, 1]), axis=-1)
+        room = (0.5 + 1e-9) * float(np.linalg.norm(size)) + 1e-9 * radii
+        inside[1:-1, 1:-1] &= obstacles.signed_distance(points) <= room
     first = np.concatenate([[0], np.cumsum(inside.sum(axis=-1).ravel())])
-    disc = np.nonzero(inside)[2]
+    which = np.nonzero(inside)[2]
     return Cells(
         np.ascontiguousarray(bounds[0]),
         size,
         first.astype(np.int64),
-        np.column_stack([centers, radii])[disc],
+        np.column_stack([centers, radii])[which],
+        which,
+        obstacles.cores,
     )
 
 
@@ -199,11 +215,9 @@ def chain_objective(
     """The objective of chains from a vehicle to the goal.
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        ValueError: a field that is not planar.
     """
-    discs = field.obstacles
-    if not discs.are_discs or discs.dimension != 2:
-        raise TypeError(f"swarms support discs in the plane, not {type(discs).__name__}")
+    obstacles = planar_obstacles(field)
     base, reach = encoding.arrays(field, vehicle)
     limits = field.limits
     weights = penalties.depth, penalties.inside, penalties.length, limits.shortest, limits.longest
@@ -212,7 +226,7 @@ def chain_objective(
         reach=reach.reshape(base.size, -1),
         samples=basis(np.linspace(0.0, 1.0, penalties.samples + 1)[1:]),
         bounds=field.bounds,
-        cells=cells(field.bounds, discs.centers, discs.radii + penalties.margin),
+        cells=cells(field.bounds, obstacles.grown(np.full(len(obstacles), penalties.margin))),
         weights=Weights(*map(float, weights)),
     )
 
@@ -249,11 +263,23 @@ def _value(
             row = min(max(int((py - near.low[1]) / near.size[1]), 0), CELLS - 1)
             cell = row * CELLS + column
             for j in range(near.first[cell], near.first[cell + 1]):
-                dx, dy, radius = px - near.discs[j, 0], py - near.discs[j, 1], near.discs[j, 2]
+                dx, dy, radius = px - near.balls[j, 0], py - near.balls[j, 1], near.balls[j, 2]
                 square = dx * dx + dy * dy
                 if square < radius * radius:
                     depth = radius - np.sqrt(square)
-                    total += (weights.depth * depth + weights.inside) * chord
+                    if len(near.cores.first) > 0:
+                        depth = _depth(px, py, near.which[j], near.cores)
+                    if depth > 0.0:
+                        total += (weights.depth * depth + weights.inside) * chord
         wrong = max(weights.shortest - length, length - weights.longest, 0.0)
         total += length + weights.length * wrong
     return float(total)
+
+
+@compiled
+def _depth(x: float, y: float, which: int, cores: Cores) -> float:
+    """How deep a point lies inside an obstacle [m], negative outside."""
+    point = np.array([x, y])
+    first, end = cores.first[which], cores.first[which + 1]
+    near = nearest_on_core(point, cores.corners, first, end, (0, 1))
+    return float(cores.radii[which] - near.distance)

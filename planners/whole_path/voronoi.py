@@ -1,14 +1,14 @@
-"""Routes along the Voronoi diagram of the obstacles' centres.
+"""Routes along the Voronoi diagram of the obstacles' cores.
 
-A disc is represented by its centre, and the bounds by points along them, so that the diagram is
-bounded and has edges between the outermost discs and the bounds. Edges that enter a disc or leave
-the bounds are removed. Start and goal are connected to every visible vertex, and to each other if
-the line between them is clear; if they were connected to the nearest vertices only, results would
-depend on how many vertices lie in a corner of the bounds. The route is the shortest path in this
-graph.
+A core is represented by points on its boundary, a disc's by its centre, and the bounds by points
+along them, so that the diagram is bounded and has edges between the outermost obstacles and the
+bounds. Edges that enter an obstacle or leave the bounds are removed. Start and goal are connected
+to every visible vertex, and to each other if the line between them is clear; if they were connected
+to the nearest vertices only, results would depend on how many vertices lie in a corner of the
+bounds. The route is the shortest path in this graph.
 
-The method ignores radii, and so does this implementation. An edge is equally far from two centres,
-not from two discs: beside a larger disc it may collide although there is room.
+The method ignores radii, and so does this implementation. An edge is equally far from two cores,
+not from two obstacles: beside a larger disc it may collide although there is room.
 
 Reference:
     The paper, section I, on its reference [1] by Beard and McLain.
@@ -22,9 +22,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, transition
+from ferguson_gym.world import Field, Obstacles, transition
 from planners.interface import Route
-from planners.whole_path.line_of_sight import lines_clear, scene_from
+from planners.whole_path.line_of_sight import lines_clear, sight_from
+
+_FINER = 5.0
+"""Points along cores are so many times denser than those along the bounds."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +49,7 @@ class VoronoiEdges:
         """Find the shortest route from the vehicle to the goal; the seed has no effect.
 
         Raises:
-            TypeError: obstacles other than discs in the plane.
+            ValueError: a field that is not planar.
         """
         # a third of the time in which all planners are imported, and only this one needs them
         from scipy.sparse import csr_array
@@ -54,11 +57,12 @@ class VoronoiEdges:
         from scipy.spatial import Voronoi
 
         began = time.perf_counter()
-        scene = scene_from(field, vehicle.position)
-        if scene is None:
+        around = sight_from(field, vehicle.position)
+        if around is None:
             return None
-        centers = np.column_stack([scene.discs["x"], scene.discs["y"]])
-        diagram = Voronoi(np.concatenate([centers, _along(field.bounds, self.per_side)]))
+        apart = float((field.bounds[1] - field.bounds[0]).mean()) / (_FINER * self.per_side)
+        cores = _on_boundaries(field.obstacles.only_these(around.kept), apart)
+        diagram = Voronoi(np.concatenate([cores, _along(field.bounds, self.per_side)]))
         points = np.concatenate([diagram.vertices, [vehicle.position, field.goal]])
         start, goal = len(points) - 2, len(points) - 1
         ridges = np.array(diagram.ridge_vertices)
@@ -69,7 +73,7 @@ class VoronoiEdges:
                 np.column_stack([np.full(goal, goal), np.arange(goal)]),
             ]
         )
-        edges = edges[lines_clear(scene, points[edges[:, 0]], points[edges[:, 1]])]
+        edges = edges[lines_clear(around, points[edges[:, 0]], points[edges[:, 1]])]
         lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
         graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(goal + 1, goal + 1))
         togo, after = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
@@ -81,6 +85,25 @@ class VoronoiEdges:
         length = float(togo[start])
         found = time.perf_counter() - began, length
         return Route(points=points[way], length=length, progress=[found])
+
+
+def _on_boundaries(obstacles: Obstacles, apart: float) -> Array:
+    """Points (m, 2) on the boundaries of all cores, neighbours at most `apart` apart [m]."""
+    if obstacles.are_discs:
+        return obstacles.points
+    first, number = obstacles.starts[:-1], np.diff(obstacles.starts)
+    after = np.arange(1, len(obstacles.points) + 1)
+    after[obstacles.starts[1:] - 1] = first
+    edges = obstacles.points[after] - obstacles.points
+    parts = np.maximum(np.ceil(np.linalg.norm(edges, axis=1) / apart), 1.0).astype(np.int64)
+    # the way back along a line has the same points as the way there, and one corner is left
+    parts[first[number == 2] + 1] = 1
+    step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
+    share = (step / np.repeat(parts, parts))[:, None]
+    points: Array = np.repeat(obstacles.points, parts, axis=0) + share * np.repeat(
+        edges, parts, axis=0
+    )
+    return points
 
 
 def _along(bounds: Array, per_side: int) -> Array:

@@ -1,8 +1,9 @@
-"""Discs that touch without overlapping are found, whatever their sizes."""
+"""Obstacles that touch without overlapping are found, whatever their shapes and sizes."""
 
 import time
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -46,3 +47,46 @@ def test_ten_thousand_cylinders_take_no_time() -> None:
     began = time.perf_counter()
     assert len(touching_pairs(field)) == 2 * 99 * 100
     assert time.perf_counter() - began < 1.0  # 0.01 s on an idle machine
+
+
+def test_shapes_that_touch_are_found() -> None:
+    shapes = Obstacles.joined(
+        [
+            Obstacles.boxes(
+                [[0.0, 0.0], [5.0, 1.0], [5.0, -4.0]], [[5.0, 5.0], [9.0, 2.0], [8.0, 0.0]]
+            ),
+            Obstacles.capsules([[[0.0, 7.0], [30.0, 7.0]]], 2.0),
+            Obstacles.discs([[11.0, 1.5], [20.0, 8.0]], [2.0, 0.5]),
+            Obstacles.boxes([[-4.0 + 2e-5, 0.0]], [[2e-5, 1.0]]),
+        ]
+    )
+    # by a side, by a corner, below the wall, at the end of a block; the last two overlap others
+    assert sorted(touching_pairs(field_of(shapes)).tolist()) == [[0, 1], [0, 2], [0, 3], [1, 4]]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_all_pairs_of_shapes_are_found(seed: int) -> None:
+    draw = np.random.default_rng(seed)
+    low = draw.integers(0, 40, (40, 2)).astype(float)
+    boxes = Obstacles.boxes(low, low + draw.integers(1, 8, (40, 2)), draw.integers(0, 3, 40))
+    ends = draw.integers(0, 40, (20, 2, 2)).astype(float)
+    ends[:, 1] = np.where(draw.integers(0, 2, (20, 1)), ends[:, 0] + [5.0, 0.0], ends[:, 0])
+    every = Obstacles.joined([boxes, Obstacles.capsules(ends, draw.integers(1, 4, 20))])
+    low, high = np.split(
+        np.array([[c.min(axis=0), c.max(axis=0)] for c in cores(every)]), 2, axis=1
+    )
+    # sides along the axes: the gap is that of rectangles
+    beyond = np.maximum(low[:, None, 0] - high[:, 0], low[:, 0] - high[:, None, 0])
+    outside = np.linalg.norm(np.maximum(beyond, 0.0), axis=-1)
+    apart = np.where(outside > 0.0, outside, beyond.max(axis=-1))
+    # two lines do not overlap more than that they cross
+    flat = np.array([(c.max(axis=0) == c.min(axis=0)).any() for c in cores(every)])
+    apart = np.where(flat[:, None] & flat, np.maximum(apart, 0.0), apart)
+    gaps = apart - every.radii[:, None] - every.radii
+    expected = np.argwhere(np.triu(np.abs(gaps) <= 1e-5, 1))
+    assert sorted(touching_pairs(field_of(every)).tolist()) == expected.tolist()
+    assert len(expected) > 10
+
+
+def cores(obstacles: Obstacles) -> list[np.ndarray]:
+    return [obstacles.core(k) for k in range(len(obstacles))]

@@ -189,7 +189,7 @@ def test_a_vehicle_may_violate_discs_and_bounds_by_the_tolerance(
             np.testing.assert_array_equal(route.points[0], position)
 
 
-def test_obstacles_other_than_discs_in_the_plane_are_refused() -> None:
+def test_fields_that_are_not_planar_are_refused() -> None:
     balls = Field(
         name="balls",
         obstacles=Obstacles.discs([[50.0, 50.0, 50.0]], [5.0]),
@@ -197,7 +197,7 @@ def test_obstacles_other_than_discs_in_the_plane_are_refused() -> None:
         goal=np.full(3, 100.0),
     )
     vehicle = transition.State(balls.start, balls.departure)
-    with pytest.raises(TypeError, match="among discs in the plane, got Obstacles in 3 dimensions"):
+    with pytest.raises(ValueError, match=r"flights are planar, field .* has 3 dimensions"):
         ROUTERS["rrt"].route(balls, vehicle, 0)
 
 

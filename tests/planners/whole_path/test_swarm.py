@@ -23,6 +23,7 @@ from planners.whole_path.swarm_objective import (
     chain_objective,
     hierarchical_tents,
 )
+from tests.support.mixed_fields import mixed_field
 
 SWARMS = {"pso": particles, "abc": bees}
 FEW = Evaluations(20_000)
@@ -33,13 +34,12 @@ def objective_of(field: Field, encoding: Encoding, penalties: Penalties) -> Chai
 
 
 def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penalties) -> float:
-    """By the definition: sampled points, every disc looked at."""
+    """By the definition: sampled points, every obstacle looked at."""
     control = objective.control(x)
     points = evaluate(control, np.arange(p.samples + 1) / p.samples)
     chords = np.linalg.norm(np.diff(points, axis=1), axis=-1)
     points = points[:, 1:]
     lengths = chords.sum(axis=1)
-    assert field.obstacles.are_discs
     depth = p.margin - field.obstacles.signed_distance(points)
     low, high = field.bounds
     outside = np.maximum(np.maximum(low - points, points - high), 0.0).sum(axis=-1)
@@ -50,9 +50,13 @@ def plain_value(objective: ChainObjective, x: np.ndarray, field: Field, p: Penal
     return float(lengths.sum() + (per_metre * chords).sum() + p.length * (short + long).sum())
 
 
-@pytest.mark.parametrize("name", ["standard/train:0", "dense/train:1", "forest/train:2"])
-def test_the_objective_is_length_and_penalties(name: str) -> None:
-    field, penalties = get_field(name), Penalties()
+@pytest.mark.parametrize(
+    "field",
+    [*map(get_field, ("standard/train:0", "dense/train:1", "forest/train:2")), mixed_field(0, 60)],
+    ids=lambda field: field.name,
+)
+def test_the_objective_is_length_and_penalties(field: Field) -> None:
+    penalties = Penalties()
     objective = objective_of(field, Encoding(), penalties)
     stream = np.random.default_rng(0)
     for reach in (0.0, 0.1, 0.5, 1.0, 1.0, 1.0):  # the last leave the bounds
@@ -61,9 +65,12 @@ def test_the_objective_is_length_and_penalties(name: str) -> None:
         assert objective.value(x) == pytest.approx(expected, rel=1e-10)
 
 
-def test_discs_across_the_bounds_are_felt_from_outside() -> None:
+@pytest.mark.parametrize("walls", [False, True])
+def test_obstacles_across_the_bounds_are_felt_from_outside(walls: bool) -> None:
     discs = Obstacles.discs([[60.0, -20.0], [115.0, 50.0], [-12.0, -12.0]], [15.0, 30.0, 10.0])
-    field, penalties = Field(name="rim", obstacles=discs), Penalties()
+    ends = [[[20.0, 150.0], [50.0, 100.0]], [[-60.0, 40.0], [-12.0, 60.0]]]
+    walled = Obstacles.joined([discs, Obstacles.capsules(ends, 3.0)]) if walls else discs
+    field, penalties = Field(name="rim", obstacles=walled), Penalties()
     objective = objective_of(field, Encoding(across=1.0), penalties)
     stream = np.random.default_rng(1)
     for _ in range(20):
@@ -116,11 +123,11 @@ def test_halves_are_tents() -> None:
     )
 
 
-def test_swarms_need_discs_in_the_plane() -> None:
+def test_swarms_need_a_plane() -> None:
     ball = Obstacles.discs([[50.0, 50.0, 50.0]], [5.0])
     space = Field(name="space", obstacles=ball, start=(0, 0, 0), goal=(100, 100, 100))
     vehicle = transition.State(space.start, space.departure)
-    with pytest.raises(TypeError, match="discs in the plane"):
+    with pytest.raises(ValueError, match="flights are planar"):
         chain_objective(space, vehicle, Encoding(), Penalties())
 
 
