@@ -15,7 +15,7 @@ import torch
 from stable_baselines3.common.policies import ActorCriticPolicy
 
 from agents.training.imitation.dataset import ImitationSample
-from agents.training.imitation.mirror import mirrored
+from agents.training.imitation.mirror import mirrored, mirrored_cores
 from agents.training.imitation.violation_penalty import speed_of, violation
 
 AVERAGING = 0.005
@@ -46,11 +46,11 @@ class BehaviorCloning:
         Returns:
             Mean negative log-likelihood (`unlikely`) and mean violation [m] before the step.
         """
-        observations, actions, discs = batch.observations, batch.actions, batch.discs
+        observations, actions, obstacles = batch.observations, batch.actions, batch.obstacles
         goal = batch.goal
         if mirror:
             observations, actions = mirrored(observations, actions)
-            discs = discs * discs.new_tensor([1.0, -1.0, 1.0])
+            obstacles = mirrored_cores(obstacles)
             goal = goal * goal.new_tensor([1.0, -1.0])
         for group in self._optimizer.param_groups:
             group["lr"] = self._rate()
@@ -60,7 +60,7 @@ class BehaviorCloning:
             distribution.mode().clamp(-1.0, 1.0),
             speed_of(observations["vehicle"][:, 4]),
             goal,
-            discs,
+            obstacles,
             batch.present,
         )
         loss = likelihood_loss + self._price * violations.clamp(max=_MAX_VIOLATION).mean()

@@ -10,6 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from agents.training.imitation.near_obstacles import NUMBER, near_obstacles, widened
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.simulation import Settings, SimulatedRollouts
 from ferguson_gym.world import Action, Field, State
@@ -20,8 +21,6 @@ COLUMNS = 11
 derivative (2 each), segments flown, action (4), and 1 near a refused segment, else 0."""
 RECENT = 30_000
 """Samples near refused segments that are oversampled: the most recent ones."""
-_AROUND = Settings(observation="discs", nearest=12, focus=8.0)
-"""Shows the discs that an action can collide with, whatever the learner observes."""
 _FIRST = 4096
 """Initial capacity in rows; it doubles when it is used up."""
 
@@ -35,21 +34,20 @@ class ImitationSample(NamedTuple):
     """(n, 4) the expert's."""
     goal: Tensor
     """(n, 2) in the vehicle's frame [units of the field]."""
-    discs: Tensor
-    """(n, K, 3) around the vehicle: centre in its frame and radius [units of the field]."""
+    obstacles: Tensor
+    """(n, K, 2 C + 1) around the vehicle, as `near_obstacles` says; (n, K, 3) for discs."""
     present: Tensor
-    """(n, K) 1 for a disc, 0 for padding."""
+    """(n, K) 1 for an obstacle, 0 for padding."""
 
 
 Columns: TypeAlias = dict[str, NDArray[np.float32]]
 """What samples hold of n states, by name (n, size): entries of observations, and `_actions`,
-`_goal`, `_discs` and `_present`."""
+`_goal`, `_obstacles` and `_present`."""
 
 
 def observed(rollouts: SimulatedRollouts, actions: Action) -> Columns:
     """What samples hold of the states of active rollouts, with an expert's actions (n, 4)."""
-    around = rollouts.observed(_AROUND)
-    discs = around["obstacles"].reshape(len(actions), -1, 4)[:, :, :3]
+    obstacles, present = near_obstacles(rollouts.buffers)
     flights, fields = rollouts.buffers.flights, rollouts.buffers.fields.records
     own, along = fields[flights["slot"]], flights["derivative"]
     away = (own["goal"] - flights["position"]) * (PAPER_LONGEST / own["longest"])[:, None]
@@ -58,8 +56,8 @@ def observed(rollouts: SimulatedRollouts, actions: Action) -> Columns:
     goal = np.stack([(away * along).sum(axis=1), (away * left).sum(axis=1)], axis=1)
     return {
         **{key: value.copy() for key, value in rollouts.observations.items()},
-        "_discs": _AROUND.view * discs.reshape(len(actions), -1),
-        "_present": around["mask"].copy(),
+        "_obstacles": obstacles.reshape(len(actions), -1),
+        "_present": present,
         "_goal": goal.astype(np.float32),
         "_actions": actions,
     }
@@ -112,6 +110,7 @@ class ImitationDataset:
 
     def _append(self, columns: Columns) -> None:
         number = len(columns["_actions"])
+        columns = self._alike(columns)
         if not self._columns:
             self._columns = {
                 key: np.empty((_FIRST, value.shape[1]), np.float32)
@@ -126,6 +125,17 @@ class ImitationDataset:
             self._columns[key][self._size : self._size + number] = value
         self._size += number
 
+    def _alike(self, columns: Columns) -> Columns:
+        """Columns with rows of obstacles as wide as those here, which are widened if need be."""
+        rows = columns["_obstacles"].reshape(len(columns["_actions"]), NUMBER, -1)
+        here = self._columns.get("_obstacles")
+        if here is None or here.shape[1] == columns["_obstacles"].shape[1]:
+            return columns
+        old = here.reshape(len(here), NUMBER, -1)
+        corners = max(old.shape[2], rows.shape[2]) // 2
+        self._columns["_obstacles"] = widened(old, corners).reshape(len(here), -1)
+        return {**columns, "_obstacles": widened(rows, corners).reshape(len(rows), -1)}
+
     def sample(self, stream: np.random.Generator, number: int, hard: float) -> ImitationSample:
         """Draw samples uniformly, a share of them from those near refused segments if any are."""
         which = stream.integers(0, self._size, number)
@@ -137,6 +147,6 @@ class ImitationDataset:
             {key: value for key, value in drawn.items() if not key.startswith("_")},
             drawn["_actions"],
             drawn["_goal"],
-            drawn["_discs"].view(number, -1, 3),
+            drawn["_obstacles"].view(number, NUMBER, -1),
             drawn["_present"],
         )

@@ -30,6 +30,16 @@ def mirrored(observations: dict[str, Tensor], actions: Tensor) -> tuple[dict[str
     return {key: images[key](value) for key, value in observations.items()}, flipped
 
 
+def mirrored_cores(obstacles: Tensor) -> Tensor:
+    """Mirror images of obstacles (n, K, 2 C + 1) as `near_obstacles` gives them.
+
+    Corners change their order, so that it is counter-clockwise again.
+    """
+    corners = obstacles[:, :, :-1].reshape(*obstacles.shape[:2], -1, 2).flip(2)
+    images = corners * corners.new_tensor([1.0, -1.0])
+    return torch.cat([images.flatten(2), obstacles[:, :, -1:]], dim=2)
+
+
 def _mirrored_obstacles(obstacles: Tensor) -> Tensor:
     rows = obstacles.view(len(obstacles), -1, 4)
     return (rows * rows.new_tensor([1.0, -1.0, 1.0, 1.0])).flatten(1)

@@ -27,6 +27,7 @@ _NEARLY = (0.7, 3.6)
 """Distances from the goal between which a segment should not end, since the next one could not end
 on it: beyond the gate, and nearer than the shortest segment [m]."""
 _SAMPLES = 12
+_FAR = 1e9
 
 
 def speed_of(share: Tensor) -> Tensor:
@@ -35,7 +36,7 @@ def speed_of(share: Tensor) -> Tensor:
 
 
 def violation(
-    actions: Tensor, speed: Tensor, goal: Tensor, discs: Tensor, present: Tensor
+    actions: Tensor, speed: Tensor, goal: Tensor, obstacles: Tensor, present: Tensor
 ) -> Tensor:
     """Violation (n,) [m] of the segments that actions encode.
 
@@ -47,8 +48,10 @@ def violation(
         actions: (n, 4).
         speed: (n,) size of the derivative that they begin with [m per unit t].
         goal: (n, 2) in the vehicle's frame [m].
-        discs: (n, K, 3) centre and radius in the vehicle's frame [m].
-        present: (n, K) 1 for a disc, 0 for padding.
+        obstacles: (n, K, 2 C + 1) corners of cores in the vehicle's frame, polygons
+            counter-clockwise, repeated ones among them, and radius [m]; for discs (n, K, 3) centre
+            and radius.
+        present: (n, K) 1 for an obstacle, 0 for padding.
     """
     end, slope = _decoded(actions)
     start = torch.stack([speed, torch.zeros_like(speed)], dim=1)
@@ -63,8 +66,8 @@ def violation(
     beyond = end[:, None] + far[:, None] * onward[:, None]
     length, short = pace.mean(dim=1), _size(goal - end)
     return (
-        torch.relu(CLEARANCE - _clearance(points, discs, present)).sum(dim=1)
-        + 0.5 * torch.relu(room - _clearance(beyond, discs, present)).sum(dim=1)
+        torch.relu(CLEARANCE - _clearance(points, obstacles, present)).sum(dim=1)
+        + 0.5 * torch.relu(room - _clearance(beyond, obstacles, present)).sum(dim=1)
         + torch.relu(PAPER_LIMITS.shortest + _ROOM - length)
         + torch.relu(length - (PAPER_LIMITS.longest - _ROOM))
         + torch.relu(_SLOWEST - pace).sum(dim=1)
@@ -94,7 +97,52 @@ def _size(vectors: Tensor) -> Tensor:
     return (vectors.square().sum(dim=-1) + 1e-6).sqrt()
 
 
-def _clearance(points: Tensor, discs: Tensor, present: Tensor) -> Tensor:
-    """Signed distance (n, m) of points (n, m, 2) to the nearest disc [m]."""
-    away = _size(points[:, :, None] - discs[:, None, :, :2]) - discs[:, None, :, 2]
-    return away.masked_fill(present[:, None] < 0.5, 9.0).amin(dim=2)
+def _clearance(points: Tensor, obstacles: Tensor, present: Tensor) -> Tensor:
+    """Signed distance (n, m) of points (n, m, 2) to the nearest obstacle [m]."""
+    corners = obstacles[:, :, :-1].reshape(*obstacles.shape[:2], -1, 2)
+    if corners.shape[2] == 1:
+        distance = _size(points[:, :, None] - corners[:, None, :, 0])
+    else:
+        distance = _core_distance(points, corners)
+    distance = distance - obstacles[:, None, :, -1]
+    return distance.masked_fill(present[:, None] < 0.5, 9.0).amin(dim=2)
+
+
+def _core_distance(points: Tensor, corners: Tensor) -> Tensor:
+    """Signed distance (n, m, K) of points (n, m, 2) from cores with corners (n, K, C, 2) [m]."""
+    edges = corners.roll(-1, 2) - corners
+    length = edges.square().sum(dim=-1).sqrt()
+    along = edges / length.clamp_min(1e-9)[..., None]
+    with torch.no_grad():  # which edge is nearest; distances of the others need no gradients
+        away = points[:, :, None, None] - corners[:, None]
+        share = _share(away, along[:, None], length[:, None])
+        nearest = (away - share * along[:, None]).square().sum(dim=-1).argmin(dim=3)
+        # an edge from a corner to itself says nothing about the inside
+        height = _height(away, along[:, None]).masked_fill(length[:, None] == 0.0, -_FAR)
+        highest, wall = height.max(dim=3)
+        inside = (highest < 0.0) & (highest > -_FAR)
+        chosen = torch.where(inside, wall, nearest)
+    begin, along, length = (
+        _chosen(one, chosen) for one in (corners, along, length[..., None].expand_as(corners))
+    )
+    away = points[:, :, None] - begin
+    outside = _size(away - _share(away, along, length[..., 0]) * along)
+    return torch.where(inside, _height(away, along), outside)
+
+
+def _share(away: Tensor, along: Tensor, length: Tensor) -> Tensor:
+    """Distance (..., 1) along edges [m] of the points nearest to points, seen from their begin."""
+    share = (away * along).sum(dim=-1).clamp_min(0.0)
+    return torch.minimum(share, length)[..., None]
+
+
+def _height(away: Tensor, along: Tensor) -> Tensor:
+    """Distance (...) of points to the right of edges [m]: polygons lie to the left of theirs."""
+    return away[..., 0] * along[..., 1] - away[..., 1] * along[..., 0]
+
+
+def _chosen(values: Tensor, which: Tensor) -> Tensor:
+    """Those values (n, K, C, 2) that are chosen for each of m points by indices (n, m, K)."""
+    every = values[:, None].expand(-1, which.shape[1], -1, -1, -1)
+    index = which[..., None, None].expand(-1, -1, -1, 1, 2)
+    return every.gather(3, index).squeeze(3)

@@ -66,7 +66,7 @@ def test_a_mirrored_update_equals_an_update_with_the_mirror_image(
 ) -> None:
     batch = drawn(dataset)
     seen, actions = mirrored(batch.observations, batch.actions)
-    image = batch.discs.clone()
+    image = batch.obstacles.clone()
     image[:, :, 1] *= -1.0
     goal = batch.goal * torch.tensor([1.0, -1.0])
     by_hand = ImitationSample(seen, actions, goal, image, batch.present)

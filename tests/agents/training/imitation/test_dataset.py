@@ -45,7 +45,7 @@ def rows_of(seeds: list[int], stream: np.random.Generator) -> Array:
 def single(sample: ImitationSample) -> Iterator[ImitationSample]:
     for k in range(len(sample.actions)):
         seen = {key: value[k] for key, value in sample.observations.items()}
-        parts = (sample.actions, sample.goal, sample.discs, sample.present)
+        parts = (sample.actions, sample.goal, sample.obstacles, sample.present)
         yield ImitationSample(seen, *(part[k] for part in parts))
 
 
@@ -80,7 +80,7 @@ def test_samples_are_the_rows_that_were_added(arguments: dict[str, Any]) -> None
             np.testing.assert_array_equal(sample.observations[key], value)
     assert len(found) == 9
     assert all(
-        value.dtype == torch.float32 for value in (*drawn.observations.values(), drawn.discs)
+        value.dtype == torch.float32 for value in (*drawn.observations.values(), drawn.obstacles)
     )
 
 
@@ -94,12 +94,48 @@ def test_nearby_discs_are_in_metres_in_the_vehicle_s_frame() -> None:
     known = ImitationDataset(Settings(observation="rays"))
     known.add_states(np.array([labelled_row(5, vehicle, action)]), {5: field}.__getitem__)
     drawn = known.sample(np.random.default_rng(0), 1, 0.0)
-    assert drawn.discs.shape == (1, 12, 3)
+    assert drawn.obstacles.shape == (1, 12, 3)
     assert drawn.present[0].tolist() == [1.0, 1.0] + [0.0] * 10
-    there = sorted(drawn.discs[0, :2].tolist())
+    there = sorted(drawn.obstacles[0, :2].tolist())
     np.testing.assert_allclose(there, [[0.0, 3.0, 1.5], [10.0, 0.0, 2.0]], atol=1e-5)
-    assert not drawn.discs[0, 2:].any()
+    assert not drawn.obstacles[0, 2:].any()
     np.testing.assert_allclose(drawn.goal, [[80.0, -80.0]], atol=1e-5)
+
+
+def test_rows_of_shapes_and_of_discs_are_held_together() -> None:
+    angles = np.arange(20) / 3.2
+    many = np.stack([20.0 + 3.0 * np.cos(angles), 30.0 + 3.0 * np.sin(angles)], axis=1)
+    fields = {
+        0: Field(name="disc", obstacles=Obstacles.discs([[20.0, 30.0]], [2])),
+        1: Field(name="wall", obstacles=Obstacles.capsules([[[17.0, 27.0], [23.0, 27.0]]], 0.5)),
+        2: Field(name="many", obstacles=Obstacles.polygons([many], 0.1)),
+    }
+    vehicle = State(np.array([20.0, 20.0]), np.array([0.0, 7.0]))
+    known = ImitationDataset(Settings(observation="rays"))
+    for k in (0, 1, 2, 1, 0):
+        action = np.full(4, 0.1 * k, np.float32)
+        rows = np.array([labelled_row(k, vehicle, action)] * 3)
+        known.add_states(rows, fields.__getitem__)
+    drawn = known.sample(np.random.default_rng(0), 60, 0.0)
+    assert drawn.obstacles.shape == (60, 12, 17)
+    for action, obstacles, present in zip(
+        drawn.actions, drawn.obstacles, drawn.present, strict=True
+    ):
+        assert present.tolist() == [1.0] + [0.0] * 11
+        corners, radius = obstacles[0, :-1].reshape(8, 2).numpy(), float(obstacles[0, -1])
+        if action[0] < 0.05:
+            np.testing.assert_allclose(corners, [[10.0, 0.0]] * 8, atol=1e-5)
+            assert radius == 2.0
+        elif action[0] < 0.15:
+            ends = sorted(corners[:2].tolist())
+            np.testing.assert_allclose(ends, [[7.0, -3.0], [7.0, 3.0]], atol=1e-5)
+            np.testing.assert_array_equal(corners[2:], [corners[1]] * 6)
+            assert radius == 0.5
+        else:  # those corners that face the point ahead, in their order
+            assert np.hypot(corners[:, 0] - 10.0, corners[:, 1]).max() < 3.0001
+            assert corners[:, 0].max() < 10.5
+            sides = np.diff(corners, axis=0)
+            assert (sides[:-1, 0] * sides[1:, 1] - sides[:-1, 1] * sides[1:, 0] > 0.0).all()
 
 
 def test_capacity_grows_and_keeps_earlier_rows(monkeypatch: pytest.MonkeyPatch) -> None:
