@@ -77,11 +77,13 @@ def _draw_seen(axes: Axes, vehicle: State, seen: dict[str, np.ndarray], settings
 
 def suites() -> Figure:
     """A field of each suite with its shortest path."""
-    figure = Figure(figsize=(15.0, 3.4), layout="constrained")
-    for axes, suite in zip(figure.subplots(1, len(SUITES)), SUITES, strict=True):
+    figure = Figure(figsize=(13.0, 6.9), layout="constrained")
+    every = figure.subplots(2, 4).flat
+    every[len(SUITES)].axis("off")
+    for axes, suite in zip(every, SUITES, strict=False):
         field = get_field(f"{suite}/train:0")
         draw_field(axes, field)
-        if (path := shortest_path(field)) is not None:
+        if field.obstacles.are_discs and (path := shortest_path(field)) is not None:
             axes.plot(*path.points(0.5).T, color=HORIZON, lw=1.4, ls=":")
             axes.set_title(f"{field.name}, {path.length:.1f} m")
     return figure

@@ -205,7 +205,7 @@ class ObstacleField(ScalarArguments, gym.Env[Any, Action]):
 
     | argument | default | meaning |
     | --- | --- | --- |
-    | `suite` | standard | or sparse, dense, forest, traps |
+    | `suite` | standard | or sparse, dense, forest, traps, town, walls |
     | `split` | train | or validation, test |
     | `fields` | 10000 | later resets draw seeds from 0 to `fields` - 1; or the fields to draw |
     | `obstacles` | None | number of obstacles, instead of the suite's |

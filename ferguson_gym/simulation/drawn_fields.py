@@ -69,7 +69,7 @@ class DrawnFields:
 def put(store: FieldStore, slot: int, settings: Settings, seed: int) -> None:
     """Write the field that some settings give a seed into a slot."""
     if settings.pool is None:  # without a `Field`, whose checks a suite's fields pass
-        store.put_obstacles(slot, settings.discs(seed))
+        store.put_obstacles(slot, settings.drawn(seed))
     else:
         store.put(slot, settings.field(seed))
 

@@ -21,8 +21,7 @@ from ferguson_gym.world.suites import (
     SUITES,
     Recipe,
     check_suite,
-    max_discs,
-    suite_discs,
+    suite_obstacles,
     with_overrides,
 )
 
@@ -111,9 +110,9 @@ class Settings:
         for name in ("detour", "failure"):
             if not 0.0 <= (penalty := getattr(self, name)) <= 100.0:
                 raise ValueError(f"the penalty {name} lies between 0 and 100, got {penalty}")
-        if self.capacity is not None and self.capacity < self._most_discs():
+        if self.capacity is not None and self.capacity < self._most_obstacles():
             raise ValueError(
-                f"the fields have up to {self._most_discs()} obstacles, "
+                f"the fields have up to {self._most_obstacles()} obstacles, "
                 f"more than capacity={self.capacity}"
             )
         _ = self.recipe  # which checks what it is made from
@@ -161,7 +160,7 @@ class Settings:
 
     @property
     def recipe(self) -> Recipe:
-        """The recipe by which the discs of a field are drawn."""
+        """The recipe by which the obstacles of a field are drawn."""
         if self.obstacles is None and self.radii is None:
             return SUITES[self.suite]
         radii = None if self.radii is None else (self.radii[0], self.radii[1])
@@ -188,10 +187,10 @@ class Settings:
     @property
     def max_obstacles(self) -> int:
         """Number of obstacles that a field may have."""
-        return self._most_discs() if self.capacity is None else self.capacity
+        return self._most_obstacles() if self.capacity is None else self.capacity
 
-    def _most_discs(self) -> int:
-        return max_discs(self.suite, self.recipe) if self.pool is None else self.pool.max_obstacles
+    def _most_obstacles(self) -> int:
+        return self.recipe.most if self.pool is None else self.pool.max_obstacles
 
     @property
     def max_corners(self) -> int:
@@ -215,9 +214,9 @@ class Settings:
             return self.pool
         return self.suite, self.split, self.fields, self.obstacles, self.radii
 
-    def discs(self, seed: int) -> Obstacles:
-        """The discs of a seed's field in the suite."""
-        return suite_discs(self.suite, self.split, seed, self.recipe)
+    def drawn(self, seed: int) -> Obstacles:
+        """The obstacles of a seed's field in the suite."""
+        return suite_obstacles(self.suite, self.split, seed, self.recipe)
 
     def field(self, seed: int) -> Field:
         """The field of a seed; its name tells what was overridden.
@@ -231,7 +230,7 @@ class Settings:
             name += f", {self.obstacles} obstacles"
         if self.radii is not None:
             name += f", radii {self.radii[0]:g} to {self.radii[1]:g} m"
-        return Field(name=name, obstacles=self.discs(seed))
+        return Field(name=name, obstacles=self.drawn(seed))
 
     def changed(self, changes: Mapping[str, Any]) -> Settings:
         """These settings with other values of arguments that may change between flights.

@@ -15,7 +15,7 @@ from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.field_names import GRAMMAR, family, get_fields
 from ferguson_gym.world.limits import PAPER_LIMITS, Limits
 from ferguson_gym.world.obstacles import Obstacles
-from ferguson_gym.world.suites import max_discs, suite_field
+from ferguson_gym.world.suites import SUITES, suite_field
 
 MAX_FIELDS = 1_000_000
 """Upper limit of the fields from which resets draw; each takes an entry of an array."""
@@ -38,7 +38,7 @@ class SuiteRange:
     @property
     def max_obstacles(self) -> int:
         """Number of obstacles that such a field may have."""
-        return max_discs(self.suite)
+        return SUITES[self.suite].most
 
 
 @dataclass(frozen=True, slots=True, repr=False)

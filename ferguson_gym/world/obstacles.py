@@ -123,8 +123,14 @@ class Obstacles:
         Raises:
             ValueError: as the class.
         """
-        ends = real("ends", ends)
-        return Obstacles.hulls(finite("ends", ends, (None, 2, None)), radii)  # type: ignore[arg-type]
+        ends = finite("ends", ends, (None, 2, None))
+        differ = ends[:, 0] != ends[:, 1]
+        if not differ.any(axis=1).all():
+            return Obstacles.hulls(ends, radii)  # type: ignore[arg-type]
+        # both ends in the order in which a hull has them, all at once
+        which, axis = np.arange(len(ends)), differ.argmax(axis=1)
+        swapped = ends[which, 0, axis] > ends[which, 1, axis]
+        return _of_corners(np.where(swapped[:, None, None], ends[:, ::-1], ends), radii)
 
     @staticmethod
     def polygons(polygons: Sequence[ArrayLike], radii: ArrayLike = 0.0) -> Obstacles:

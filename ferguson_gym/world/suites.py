@@ -16,17 +16,29 @@ from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field import GOAL, START, Field
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
+from ferguson_gym.world.recipes.town import MOST as MOST_IN_TOWN
+from ferguson_gym.world.recipes.town import town
+from ferguson_gym.world.recipes.walls import MOST as MOST_WALLS
+from ferguson_gym.world.recipes.walls import walls
 
 SPLITS = ("train", "validation", "test")
 """Train and tune on train, select on validation, evaluate once on test."""
 LAST_SEED = 2**63 - 1
 
 
-class Recipe(Protocol):
-    """Draws the discs of a field from a stream of random numbers."""
+class Draw(Protocol):
+    """Draws the obstacles of a field from a stream of random numbers."""
 
     def __call__(self, stream: np.random.RandomState) -> Obstacles:
-        """Discs of one field."""
+        """Obstacles of one field."""
+
+
+class Recipe(Draw, Protocol):
+    """What a suite is made by: it also knows how many obstacles a field may have."""
+
+    @property
+    def most(self) -> int:
+        """Upper limit of the obstacles of a field."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +67,24 @@ class Scattered:
     def __call__(self, stream: np.random.RandomState) -> Obstacles:
         """Discs of one field."""
         return draw_discs(stream, self.designs, self.smallest, self.largest)
+
+    @property
+    def most(self) -> int:
+        """Number of discs of every field."""
+        return sum(self.designs)
+
+
+@dataclass(frozen=True, slots=True)
+class Fixed:
+    """A recipe without numbers that could be others."""
+
+    draw: Draw
+    most: int
+    """Upper limit of the obstacles of a field."""
+
+    def __call__(self, stream: np.random.RandomState) -> Obstacles:
+        """Obstacles of one field."""
+        return self.draw(stream)
 
 
 def traps(stream: np.random.RandomState) -> Obstacles:
@@ -90,12 +120,11 @@ SUITES: dict[str, Recipe] = {
     "sparse": Scattered((10, 10), 3.0, 7.0),
     "dense": Scattered((35, 35), 3.0, 7.0),
     "forest": Scattered((60, 60, 60), 0.5, 1.5),
-    "traps": traps,
+    "traps": Fixed(traps, 5 * 21 + 12),  # five pockets of at most 21 discs, and 12 single discs
+    "town": Fixed(town, MOST_IN_TOWN),
+    "walls": Fixed(walls, MOST_WALLS),
 }
 """Recipes by name."""
-
-MAX_OBSTACLES_IN_TRAPS = 117
-"""Obstacles of suite `traps`: five pockets of at most 21 discs, and 12 single discs."""
 
 _KEYS = {name: 1 + index for index, name in enumerate(SUITES)}
 
@@ -106,12 +135,12 @@ def suite_field(suite: str, split: str, seed: int) -> Field:
     Raises:
         ValueError: an unknown suite or split, or a seed outside 0..2**63 - 1.
     """
-    discs = suite_discs(suite, split, seed)
-    return Field(name=f"{suite}/{split}:{seed}", obstacles=discs)
+    obstacles = suite_obstacles(suite, split, seed)
+    return Field(name=f"{suite}/{split}:{seed}", obstacles=obstacles)
 
 
-def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None) -> Obstacles:
-    """The discs of a suite's field, or those that another recipe draws from its stream.
+def suite_obstacles(suite: str, split: str, seed: int, recipe: Draw | None = None) -> Obstacles:
+    """The obstacles of a suite's field, or those that another recipe draws from its stream.
 
     Raises:
         ValueError: as `suite_field`.
@@ -121,12 +150,6 @@ def suite_discs(suite: str, split: str, seed: int, recipe: Recipe | None = None)
         raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
     key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
     return (recipe or SUITES[suite])(np.random.RandomState(key))
-
-
-def max_discs(suite: str, recipe: Recipe | None = None) -> int:
-    """Number of discs that a field of a suite, or of another recipe for it, may have."""
-    recipe = recipe or SUITES[suite]
-    return sum(recipe.designs) if isinstance(recipe, Scattered) else MAX_OBSTACLES_IN_TRAPS
 
 
 def check_suite(suite: str, split: str) -> None:
@@ -161,8 +184,10 @@ def with_overrides(
     """
     recipe = SUITES[suite]
     if not isinstance(recipe, Scattered):
+        scattered = ", ".join(name for name, one in SUITES.items() if isinstance(one, Scattered))
         raise ValueError(
-            f"the obstacles of suite {truncate_repr(suite)} are fixed: they form pockets"
+            f"the obstacles of suite {truncate_repr(suite)} are fixed; their number and radii can "
+            f"be changed in {scattered}"
         )
     if obstacles is not None:
         if obstacles < 0:

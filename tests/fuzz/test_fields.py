@@ -225,7 +225,7 @@ def test_an_altered_suite_draws_sound_fields_or_is_refused(
     ):
         return
     recipe = attempt(suites.with_overrides, suite, obstacles, radii)
-    discs = attempt(suites.suite_discs, suite, split, seed, recipe)
+    discs = attempt(suites.suite_obstacles, suite, split, seed, recipe)
     if discs is not None:
         is_sound(Field(name="drawn", obstacles=discs))
 

@@ -43,7 +43,7 @@ def test_bash_accepts_the_script(script: Path) -> None:
         ("ev", ["evaluate"]),
         ("bench ", ["env", "planners", "solvers"]),
         ("plan pa", ["paper:1"]),
-        ("plan town", ["town.json"]),
+        ("plan town", ["town.json", "town/test:0", "town/train:0", "town/val:0"]),
         ("plan paper:1 --planner s", ["shortest", "single-start"]),
         ("plan paper:1 --planner guided --plot tow", ["town.json"]),
         ("evaluate --policy be", ["best"]),

@@ -10,7 +10,7 @@ from ferguson_gym.environment import ObstacleField
 from ferguson_gym.world.actions import STEEPEST, encode
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
-from ferguson_gym.world.suites import SUITES
+from tests.support.suites import OF_DISCS
 
 VIEW = 30.0
 CLOSE: dict[str, float] = {"rtol": 0.0, "atol": 2e-6}
@@ -135,7 +135,7 @@ def flights(suite: str, **arguments: Any) -> Iterator[tuple[ObstacleField, dict]
                 break
 
 
-@pytest.mark.parametrize("suite", SUITES)
+@pytest.mark.parametrize("suite", OF_DISCS)
 @pytest.mark.parametrize(("nearest", "focus"), [(12, 0.0), (3, 10.0), (200, 30.0)])
 def test_flights_see_vehicle_goal_and_discs(suite: str, nearest: int, focus: float) -> None:
     for env, seen in flights(suite, observation="discs", nearest=nearest, focus=focus):
@@ -165,7 +165,7 @@ def test_both_are_seen_and_as_far_as_is_asked_for(view: float) -> None:
     assert (max(numbers) < 50) == (view < 20.0)
 
 
-@pytest.mark.parametrize("suite", SUITES)
+@pytest.mark.parametrize("suite", OF_DISCS)
 def test_flights_see_along_rays(suite: str) -> None:
     for env, seen in flights(suite, observation="rays", rays=12):
         state = env.state

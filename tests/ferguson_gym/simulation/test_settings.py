@@ -19,15 +19,15 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
-from ferguson_gym.world.suites import SUITES, suite_field
+from ferguson_gym.world.suites import SUITES, Scattered, suite_field
 from tests.support.places import ROOT
 
 OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
-SCATTERED = [suite for suite in SUITES if suite != "traps"]
+SCATTERED = [suite for suite, recipe in SUITES.items() if isinstance(recipe, Scattered)]
 
 
 def assert_same_discs(one: Field, other: Field) -> None:
-    np.testing.assert_array_equal(one.obstacles.centers, other.obstacles.centers)
+    np.testing.assert_array_equal(one.obstacles.points, other.obstacles.points)
     np.testing.assert_array_equal(one.obstacles.radii, other.obstacles.radii)
 
 
@@ -143,13 +143,13 @@ def test_later_resets_draw_from_as_many_fields_as_asked_for() -> None:
 def test_only_fields_that_are_drawn_are_made_and_each_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made, usual = [], Settings.discs
+    made, usual = [], Settings.drawn
 
-    def discs(settings: Settings, seed: int) -> Obstacles:
+    def drawn(settings: Settings, seed: int) -> Obstacles:
         made.append(seed)
         return usual(settings, seed)
 
-    monkeypatch.setattr(Settings, "discs", discs)
+    monkeypatch.setattr(Settings, "drawn", drawn)
     envs = VectorObstacleField(2, fields=MAX_FIELDS)
     assert not made
     envs.reset(seed=0)
@@ -214,6 +214,8 @@ def test_thousands_of_environments_and_a_million_fields_take_little_memory() -> 
         ({"obstacles": 7.0}, r"obstacles must be an integer, got 7\.0"),
         ({"suite": "traps", "obstacles": 9}, "obstacles of suite 'traps' are fixed"),
         ({"suite": "traps", "radii": (1, 2)}, "obstacles of suite 'traps' are fixed"),
+        ({"suite": "town", "obstacles": 9}, "suite 'town' are fixed; .* changed in standard, sp"),
+        ({"suite": "walls", "radii": (1, 2)}, "obstacles of suite 'walls' are fixed"),
         ({"radii": (0.0, 2.0)}, r"0 < smallest <= largest <= 7 m .* got 0\.0 and 2\.0"),
         ({"radii": (3.0, 2.0)}, r"got 3\.0 and 2\.0"),
         ({"radii": (3.0, 7.1)}, r"got 3\.0 and 7\.1"),
@@ -283,6 +285,6 @@ def test_settings_on_the_edge_are_taken() -> None:
 @pytest.mark.parametrize("suite", SUITES)
 def test_every_field_of_a_suite_has_room(suite: str) -> None:
     settings = Settings(suite=suite)
-    most = max(len(settings.discs(seed)) for seed in range(200))
+    most = max(len(settings.drawn(seed)) for seed in range(200))
     assert most <= settings.max_obstacles
-    assert suite == "traps" or most == settings.max_obstacles
+    assert suite not in SCATTERED or most == settings.max_obstacles

@@ -36,7 +36,7 @@ def test_ranges_name_their_fields_both_ends_included(spec, names):
 @pytest.mark.parametrize(("suite", "split"), list(itertools.product(SUITES, SPLITS)))
 def test_every_suite_and_split_can_be_named(suite, split):
     named, drawn = get_field(f"{suite}/{split}:17"), suite_field(suite, split, 17)
-    np.testing.assert_array_equal(named.obstacles.centers, drawn.obstacles.centers)
+    np.testing.assert_array_equal(named.obstacles.points, drawn.obstacles.points)
     np.testing.assert_array_equal(named.obstacles.radii, drawn.obstacles.radii)
 
 

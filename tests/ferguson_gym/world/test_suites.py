@@ -16,8 +16,8 @@ from ferguson_gym.world.suites import (
     SPLITS,
     SUITES,
     Scattered,
-    suite_discs,
     suite_field,
+    suite_obstacles,
     with_overrides,
 )
 from tests.support.places import DATA
@@ -25,7 +25,8 @@ from tests.support.places import DATA
 # coordinates to ten decimals and shortest paths to six, reconstructed independently
 PAPER = json.loads((DATA / "paper_fields.json").read_text())
 
-# SHA-256 of the bytes of centres and radii; a change of any is a new suite
+# SHA-256 of the bytes of corners (centres of discs) and radii, and of where the cores of other
+# obstacles begin; a change of any is a new suite
 HASHES = {
     "standard/train:0": "fa369a8a9c996c75f8dfc5754cc6de4efab8dfc8f278ea3008848eb81f6d87ef",
     "standard/train:99": "166161e78cefa54f9ce72da8084765b9f07ccc5a5d78c6a21232ad3306480577",
@@ -48,6 +49,16 @@ HASHES = {
     "traps/train:99": "6a9e82488f321673604393853c9740753966536c36fae401f5c4445294204b74",
     "traps/validation:0": "72f52a9fb75666ea2184133866ddde1eb42978377efe170d17a881a1a4585708",
     "traps/test:0": "ef627ef0b704125017a8fdb786be03d7d7a2a1313cb2aa5591cddb47fb6ba069",
+    "town/train:0": "2bda4e671dc2967a6f29197ee617f0a5ab077dd9086bb7b5c51ef6d85f67b31c",
+    "town/train:99": "f0f1ba4a2858df29838dc1454930ff84fb93aad4f5df76d9beaee4fb88464d6a",
+    "town/validation:0": "802222dfec3696fd9b1fb76b6668d40991609d491f9815053443ee92f17aafd1",
+    "town/test:0": "4a8294ddc5b6e622528ba054cbf3d28b48171c0a580c5b6e190652d8194f5ad1",
+    "town/test:5000000000": "76c66d047b554f24ee86c411e2c21c1bfba4cbcbb0097e33b8911ede6395bc34",
+    "walls/train:0": "158f3ddcc13c9c1384943a5855fdab8385b7e05a69703d6c4fb2cb049ebcae56",
+    "walls/train:99": "d9a2222c89f0acd1c427fa6a423843ed019cbf4b83b40a2a015d0d81ab3ff213",
+    "walls/validation:0": "9f84480fe8662e8e7a74f923eaa1cb7918d1a852e195a725d3fef9edd9e0e390",
+    "walls/test:0": "66f520a91fef9702ea97ceb7515eb3dbe649d12a6771fe8a780df55fc10759d7",
+    "walls/test:5000000000": "47322d5c45e56e3cef82772fe846b15dc758cee69b84863b819fb1032d8fdaef",
 }
 
 
@@ -58,8 +69,10 @@ def draw(name):
 
 
 def fingerprint(field):
-    discs = field.obstacles
-    return hashlib.sha256(discs.centers.tobytes() + discs.radii.tobytes()).hexdigest()
+    obstacles = field.obstacles
+    starts = b"" if obstacles.are_discs else obstacles.starts.tobytes()
+    every = obstacles.points.tobytes() + obstacles.radii.tobytes() + starts
+    return hashlib.sha256(every).hexdigest()
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4])
@@ -122,9 +135,10 @@ def test_suites_splits_and_seeds_share_no_field():
     fields = [draw(name) for name in names]
     assert [field.name for field in fields] == names
     assert len({fingerprint(field) for field in fields}) == len(names)
-    # nor a single disc, which a shared stream would repeat
-    for one, other in itertools.combinations(fields, 2):
-        assert not np.intersect1d(one.obstacles.radii[-5:], other.obstacles.radii[-5:]).size
+    # nor a single corner, which a shared stream would repeat
+    last = [set(map(tuple, field.obstacles.points[-5:].tolist())) for field in fields]
+    for one, other in itertools.combinations(last, 2):
+        assert not one & other
 
 
 @pytest.mark.parametrize(
@@ -187,11 +201,11 @@ def test_unknown_suites_and_splits_are_named(suite, split, message):
 
 
 @pytest.mark.parametrize("suite", SUITES)
-def test_discs_of_a_suite_are_those_of_its_field(suite: str) -> None:
+def test_obstacles_of_a_suite_are_those_of_its_field(suite: str) -> None:
     for split, seed in itertools.product(SPLITS, (0, 5, 2**40)):
-        discs, field = suite_discs(suite, split, seed), suite_field(suite, split, seed)
-        np.testing.assert_array_equal(discs.centers, field.obstacles.centers)
-        np.testing.assert_array_equal(discs.radii, field.obstacles.radii)
+        obstacles, field = suite_obstacles(suite, split, seed), suite_field(suite, split, seed)
+        for name in ("points", "radii", "first"):
+            np.testing.assert_array_equal(getattr(obstacles, name), getattr(field.obstacles, name))
 
 
 def test_another_recipe_draws_from_the_suites_own_stream() -> None:
@@ -202,7 +216,7 @@ def test_another_recipe_draws_from_the_suites_own_stream() -> None:
         return Obstacles.discs([[numbers[-1], 0.0]], [1.0])
 
     for suite, split, seed in (("standard", "train", 3), ("dense", "train", 3)) * 2:
-        discs = suite_discs(suite, split, seed, recipe)
+        discs = suite_obstacles(suite, split, seed, recipe)
         assert discs.centers[0, 0] == numbers[-1]
     assert numbers[:2] == numbers[2:]
     assert numbers[0] != numbers[1]
@@ -258,15 +272,17 @@ def test_altered_recipes_keep_what_is_not_altered():
         assert recipe == replace(SUITES[suite], smallest=1.0, largest=2.0)
         assert isinstance(recipe.smallest, float)
     own, thin = with_overrides("standard"), with_overrides("standard", radii=(1.0, 2.0))
-    many = [suite_discs("standard", "train", 3, recipe) for recipe in (own, thin)]
+    many = [suite_obstacles("standard", "train", 3, recipe) for recipe in (own, thin)]
     np.testing.assert_array_equal(many[0].centers, many[1].centers)
     np.testing.assert_allclose((many[0].radii - 3.0) / 4.0, many[1].radii - 1.0, atol=1e-12)
 
 
 def test_recipes_that_cannot_be_altered_are_refused():
-    for arguments in ({}, {"obstacles": 3}, {"radii": (1.0, 2.0)}):
-        with pytest.raises(ValueError, match="suite 'traps' are fixed: they form pockets"):
-            with_overrides("traps", **arguments)
+    changeable = "can be changed in standard, sparse, dense, forest$"
+    for suite in ("traps", "town", "walls"):
+        for arguments in ({}, {"obstacles": 3}, {"radii": (1.0, 2.0)}):
+            with pytest.raises(ValueError, match=f"suite '{suite}' are fixed; .* {changeable}"):
+                with_overrides(suite, **arguments)
     with pytest.raises(ValueError, match="0 obstacles or more, got -1"):
         with_overrides("standard", obstacles=-1)
     with pytest.raises(ValueError, match="radii"):

@@ -1,0 +1,1 @@
+"""How the fields of the suites `town` and `walls` are drawn, a module for each."""
