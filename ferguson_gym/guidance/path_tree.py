@@ -16,8 +16,10 @@ from ferguson_gym.guidance.margins import outside
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT
-from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, Tracks, sweep
-from ferguson_gym.shortest_paths.tangents import Integers, Records, Scene, angle, tangent
+from ferguson_gym.shortest_paths.scene import Scene
+from ferguson_gym.shortest_paths.shapes import Integers, Records, sweep
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, Tracks
+from ferguson_gym.shortest_paths.tangents import angle, tangent
 
 NODE = np.dtype(
     [

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym.guidance.path_tree import NODE, Forest, PathTree, look_ahead_each
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.tangents import Integers
+from ferguson_gym.shortest_paths.shapes import Integers
 
 A = TypeVar("A", bound=NDArray[Any])
 

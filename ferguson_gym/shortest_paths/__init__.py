@@ -1,4 +1,4 @@
-"""Exact shortest paths among discs in the plane, the reference that flights are compared with.
+"""Exact shortest paths in the plane, the reference that flights are compared with.
 
 `shortest_path` finds the path itself, `exact_length` its length, `gap` how much longer a flight
 is; `DistanceToGoal` answers from any point of a field, and `best_classes` finds the shortest path

@@ -13,16 +13,10 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, following, sweep
-from ferguson_gym.shortest_paths.tangents import (
-    Records,
-    Scene,
-    View,
-    angle,
-    is_clear,
-    tangent,
-    view,
-)
+from ferguson_gym.shortest_paths.scene import Scene, View, is_clear, view
+from ferguson_gym.shortest_paths.shapes import Shapes, is_disc, nearest_feature, sweep
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, following
+from ferguson_gym.shortest_paths.tangents import arc_length, tangent_from
 
 STRAIGHT, NOWHERE = -1, -2
 """Values used instead of a track's index: straight to the goal, and no path."""
@@ -45,52 +39,58 @@ class Departure(NamedTuple):
 
 
 @compiled
-def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Records]:
-    """Whether a point is free, and the discs that lines from the point must avoid.
+def point_view(scene: Scene, x: float, y: float, tolerance: float) -> tuple[bool, Scene]:
+    """Whether a point is free, and the scene that lines from the point must avoid.
 
-    A point may lie inside a disc or outside the bounds by at most the tolerance [m]. A line from it
-    may then enter that disc as deep as the point itself.
+    A point may lie inside an obstacle or outside the bounds by at most the tolerance [m]. A line
+    from it may then enter that obstacle as deep as the point itself.
     """
-    discs, box = scene.discs, scene.box
+    discs, box, shapes = scene.discs, scene.box, scene.shapes
     slack = tolerance - scene.margin
     free = box[0, 0] - slack <= x <= box[1, 0] + slack
     free = free and box[0, 1] - slack <= y <= box[1, 1] + slack
     copied = False
     for k in range(len(discs)):
         disc = discs[k]
-        distance = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
-        if distance < disc.radius - tolerance:
+        distance, radius = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2), disc.radius
+        if distance >= radius:
+            continue
+        if not is_disc(shapes, k):
+            distance, radius = nearest_feature(shapes, k, x, y).distance, shapes.radii[k]
+        if distance < radius - tolerance:
             free = False
-        elif distance < disc.radius:
+        elif distance < radius:
             if not copied:
                 discs, copied = discs.copy(), True
-            discs[k].reach = min(disc.reach, distance - scene.margin)
-    return free, discs
+                shapes = Shapes(shapes.first, shapes.corners, shapes.radii, shapes.reach.copy())
+            if is_disc(shapes, k):
+                discs[k].reach = min(disc.reach, distance - scene.margin)
+            else:
+                shapes.reach[k] = min(shapes.reach[k], distance - scene.margin)
+    return free, Scene(discs, box, scene.margin, shapes)
 
 
 @compiled
-def straight(discs: Records, around: View, x: float, y: float, goal: Array) -> Departure:
+def straight(scene: Scene, around: View, x: float, y: float, goal: Array) -> Departure:
     """The straight line from a point to the goal, if it is free."""
     dx, dy = goal[0] - x, goal[1] - y
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
     ux, uy = dx / distance, dy / distance
-    if is_clear(x, y, ux, uy, distance, distance, discs, around, -1, -1):
+    if is_clear(x, y, ux, uy, distance, distance, scene, around, -1, -1):
         return Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
     return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
 
 
 @compiled
-def along_track(discs: Records, tracks: Tracks, track: int, x: float, y: float) -> Departure:
+def along_track(scene: Scene, tracks: Tracks, track: int, x: float, y: float) -> Departure:
     """The path from a point to the goal by a given track; collisions are not tested."""
-    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
-    length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
-    at = angle(sense, ux, uy)
+    length, ux, uy, at = tangent_from(scene, track, x, y)
     node = following(tracks, track, at)
     distance = np.inf
     if node >= 0:
-        distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
+        distance = length + arc_length(scene, track, at, tracks.angle[node]) + tracks.togo[node]
     return Departure(distance, ux, uy, track, at, length)
 
 
@@ -99,23 +99,28 @@ def shortest_departure(
     scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
 ) -> Departure:
     """How the shortest path from a point to the goal leaves the point."""
-    free, discs = point_view(scene, x, y, tolerance)
+    free, near = point_view(scene, x, y, tolerance)
     if not free:
         return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+    discs = near.discs
     around = view(discs, x, y)
-    best = straight(discs, around, x, y, goal)
+    best = straight(near, around, x, y, goal)
     bounds = np.empty(len(tracks.least))
     for track in range(len(bounds)):
         disc = discs[track // 2]
         square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
         bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
+        if not is_disc(near.shapes, track // 2):
+            bounds[track] = tracks.least[track]
+            if tracks.least[track] < best.distance:
+                bounds[track] += tangent_from(near, track, x, y).length
     for track in np.argsort(bounds):
         if bounds[track] >= best.distance:
             break
-        way = along_track(discs, tracks, track, x, y)
+        way = along_track(near, tracks, track, x, y)
         i = track // 2
         if way.distance < best.distance and is_clear(
-            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
+            x, y, way.ux, way.uy, way.line, way.line, near, around, i, i
         ):
             best = way
     return best

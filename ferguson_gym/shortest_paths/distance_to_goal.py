@@ -1,7 +1,7 @@
 """The exact distance to the goal (the cost-to-go) from any point of a field, and the path.
 
-Among few discs it comes from the graph of all tangents; among many, from a search from the goal
-that is kept and continued for each query.
+It comes from the graph of all tangents; among many discs, from a search from the goal that is kept
+and continued for each query.
 """
 
 from __future__ import annotations
@@ -23,34 +23,36 @@ from ferguson_gym.shortest_paths.departures import (
 )
 from ferguson_gym.shortest_paths.goal_search.queries import departure, shortest_leave, turns_of
 from ferguson_gym.shortest_paths.goal_search.search import GoalSearch, begin_search
-from ferguson_gym.shortest_paths.tangent_graph import Tracks, build, sweep
-from ferguson_gym.shortest_paths.tangents import Integers, Scene, scene
+from ferguson_gym.shortest_paths.scene import Scene, scene
+from ferguson_gym.shortest_paths.shapes import Integers, sweep
+from ferguson_gym.shortest_paths.tangent_graph import Tracks, build
 from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
 from ferguson_gym.world.field import Field
 
 FEW = 200
-"""Up to so many obstacles, paths come from the tangent graph that holds every tangent: flights and
+"""Up to so many discs, paths come from the tangent graph that holds every tangent: flights and
 lengths on record are kept to the last bit. Among more, a search makes the tangents it needs; its
-lengths differ from those of the graph by rounding alone."""
+lengths differ from those of the graph by rounding alone. Among obstacles of other shapes paths come
+from the graph, however many they are."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DistanceToGoal:
-    """Length of the shortest path from any point to the goal of a field of discs in the plane.
+    """Length of the shortest path from any point to the goal of a field in the plane.
 
-    Up to `FEW` discs, building it takes one search from the goal, and a query then looks at the
-    tangents of a point. Among more discs a query continues the search from the goal until the value
-    is known: the first one takes as long as a single shortest path, others near it much less.
+    Building it takes one search from the goal, and a query then looks at the tangents of a point.
+    Among more than `FEW` discs a query continues the search from the goal until the value is known:
+    the first one takes as long as a single shortest path, others near it much less.
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        TypeError: a field that is not planar.
     """
 
     field: Field
     scene: Scene = dataclasses.field(init=False, repr=False)
-    """The discs that can obstruct a path."""
+    """The obstacles that can obstruct a path."""
     kept: Integers = dataclasses.field(init=False, repr=False)
-    """(n,) the field's disc for each of those that tracks are numbered after."""
+    """(n,) the field's obstacle for each of those that tracks are numbered after."""
     tracks: Tracks | None = dataclasses.field(init=False, repr=False)
     """The tangent graph; None among many discs."""
     searches: list[GoalSearch] = dataclasses.field(init=False, repr=False)
@@ -59,7 +61,7 @@ class DistanceToGoal:
 
     def __post_init__(self) -> None:
         world, kept = scene(self.field)
-        few = len(self.field.obstacles) <= FEW
+        few = len(self.field.obstacles) <= FEW or not self.field.obstacles.are_discs
         tracks, searches = build(world, self.field.goal) if few else None, []
         if not few:
             search, order = begin_search(world, self.field.goal, self.tolerance)
@@ -74,7 +76,7 @@ class DistanceToGoal:
 
     @property
     def tolerance(self) -> float:
-        """Depth [m] by which a point may lie inside discs or outside the bounds."""
+        """Depth [m] by which a point may lie inside obstacles or outside the bounds."""
         return self.field.limits.tolerance
 
     def __call__(self, points: ArrayLike) -> tuple[Array, Array]:
@@ -84,8 +86,8 @@ class DistanceToGoal:
         goal. Where two paths are equally short it belongs to one of them.
 
         Args:
-            points: (n, 2) [m]. A point that violates discs or bounds by at most the tolerance
-                counts as free; its path enters a disc no deeper than the point itself.
+            points: (n, 2) [m]. A point that violates obstacles or bounds by at most the tolerance
+                counts as free; its path enters an obstacle no deeper than the point itself.
 
         Returns:
             Distance (n,) [m], infinite where there is no path or the point is not free, and
@@ -113,8 +115,8 @@ class DistanceToGoal:
     def path(self, point: ArrayLike) -> ShortestPath | None:
         """The shortest path from a point (2,) [m] to the goal, None if there is none.
 
-        From a point in a disc, within the tolerance, whose path goes around that disc, it starts on
-        the disc's boundary.
+        From a point in an arc's disc, within the tolerance, whose path begins with that arc, it
+        starts on the obstacle's boundary.
 
         Raises:
             ValueError: another shape, NaN or infinity.
@@ -133,7 +135,13 @@ class DistanceToGoal:
             if length == np.inf:
                 return None
             turns = [(track, at, at + sweep(at, until)) for track, at, until in turns]
-        return trace(self.field, self.kept, (x, y), turns, length, self.scene.margin)
+        return self.traced((x, y), turns, length)
+
+    def traced(
+        self, start: tuple[float, float], turns: list[tuple[int, float, float]], length: float
+    ) -> ShortestPath:
+        """The path of a length [m] from a start [m] with some turns along tracks."""
+        return trace(self.field, self.scene, self.kept, start, turns, length)
 
     def borrow(self) -> GoalSearch:
         """A search for the caller alone, who appends it to `searches` when it has been used."""
@@ -148,6 +156,6 @@ def distance_to_go(field: Field) -> DistanceToGoal:
     """The distance to the goal of a field, cached for the last two fields (by identity).
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        TypeError: a field that is not planar.
     """
     return DistanceToGoal(field)

@@ -1,4 +1,4 @@
-"""The shortest path among the discs of a field, and its length, the reference for all flights."""
+"""The shortest path through a field, and its length, the reference for all flights."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from ferguson_gym.world.obstacles import Obstacles
 
 
 def shortest_path(field: Field) -> ShortestPath | None:
-    """The shortest path from start to goal, outside the open discs and inside the bounds.
+    """The shortest path from start to goal, outside the open obstacles and inside the bounds.
 
-    Exact up to the margin of `ferguson_gym.shortest_paths.tangents`; None if there is no path.
+    Exact up to the margin of `ferguson_gym.shortest_paths.scene`; None if there is no path.
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        TypeError: a field that is not planar.
     """
     return path_from(field, field.start)
 
@@ -30,14 +30,14 @@ def path_from(field: Field, point: ArrayLike) -> ShortestPath | None:
     For many points of one field see `DistanceToGoal`, which says where a point may lie.
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        TypeError: a field that is not planar.
         ValueError: a point of another shape, NaN or infinity.
     """
     return DistanceToGoal(field).path(point)
 
 
 def exact_length(field: Field) -> float | None:
-    """Length of the shortest path [m]; None without a path, or unless obstacles are planar discs.
+    """Length of the shortest path [m]; None without a path, or in other spaces than the plane.
 
     The results of the last 4096 fields are cached, by the content of the field.
 
@@ -46,10 +46,11 @@ def exact_length(field: Field) -> float | None:
         >>> round(exact_length(get_field("paper:2")), 3)
         144.338
     """
-    discs = field.obstacles
-    if not discs.are_discs or discs.dimension != 2:
+    obstacles = field.obstacles
+    if obstacles.dimension != 2:
         return None
-    arrays = (discs.centers, discs.radii, field.start, field.goal, field.bounds)
+    cores = (obstacles.points, obstacles.starts, obstacles.radii)
+    arrays = (*cores, field.start, field.goal, field.bounds)
     # by content, since every flight that a worker process returns has its own copy of the field
     return _exact_length(*(array.tobytes() for array in arrays))
 
@@ -71,11 +72,15 @@ def gap(length: float, exact: float) -> float:
 
 @lru_cache(maxsize=4096)
 def _exact_length(
-    centers: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes
+    points: bytes, first: bytes, radii: bytes, start: bytes, goal: bytes, bounds: bytes
 ) -> float | None:
     field = Field(
         name="cached copy",
-        obstacles=Obstacles.discs(np.frombuffer(centers).reshape(-1, 2), np.frombuffer(radii)),
+        obstacles=Obstacles(
+            np.frombuffer(points).reshape(-1, 2),
+            np.frombuffer(radii),
+            np.frombuffer(first, np.int64),
+        ),
         start=np.frombuffer(start),
         goal=np.frombuffer(goal),
         bounds=np.frombuffer(bounds).reshape(2, 2),

@@ -2,13 +2,13 @@
 
 Among obstacles in the plane every homotopy class has exactly one taut path. Different routes
 through the tangent graph are therefore shortest paths of different classes, except for routes that
-differ only in a disc touched without turning; of these the tangent past the disc is kept. Routes
+differ only in an obstacle touched without turning; of these the tangent past it is kept. Routes
 are extended best first (A*). The exact distance to the goal is known from every node and serves as
 the heuristic, so that routes are completed in the order of their lengths. Among many discs see
 `goal_search.class_search`.
 
-Classes with loops are left out: a path whose lines cross, or that follows a part of a disc twice
-in the same sense. Removing the loop would leave a shorter path of another class.
+Classes with loops are left out: a path whose lines cross, or that follows a part of an obstacle
+twice in the same sense. Removing the loop would leave a shorter path of another class.
 
 Reference:
     Hart, Nilsson & Raphael (1968), A formal basis for the heuristic determination of minimum cost
@@ -33,10 +33,12 @@ from ferguson_gym.shortest_paths.departures import (
 )
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.goal_search.class_search import find_classes
-from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop, point_of
-from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following, sweep
-from ferguson_gym.shortest_paths.tangents import TWO_PI, Scene, is_clear, view
-from ferguson_gym.shortest_paths.taut_path import ShortestPath, trace
+from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop
+from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
+from ferguson_gym.shortest_paths.shapes import TWO_PI, sweep
+from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following
+from ferguson_gym.shortest_paths.tangents import arc_length, point_of
+from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 
 
@@ -48,27 +50,27 @@ def _search(
     stages = [Stage(-1, STRAIGHT, 0.0, 0.0, 0.0, x, y, x, y) for _ in range(0)]
     ends = [0 for _ in range(0)]
     heap = [(0.0, 0) for _ in range(0)]
-    free, discs = point_view(scene, x, y, tolerance)
+    free, near = point_view(scene, x, y, tolerance)
     if not free:
         return stages, ends
-    around = view(discs, x, y)
-    way = straight(discs, around, x, y, goal)
+    around = view(near.discs, x, y)
+    way = straight(near, around, x, y, goal)
     if way.track != NOWHERE:
         heap.append((way.distance, 0))
         stages.append(Stage(-1, STRAIGHT, 0.0, 0.0, way.line, x, y, goal[0], goal[1]))
     for track in range(len(tracks.least)):
-        way = along_track(discs, tracks, track, x, y)
+        way = along_track(near, tracks, track, x, y)
         i = track // 2
         if way.distance < np.inf and is_clear(
-            x, y, way.ux, way.uy, way.line, way.line, discs, around, i, i
+            x, y, way.ux, way.uy, way.line, way.line, near, around, i, i
         ):
-            end_x, end_y = point_of(discs, track, way.at)
+            end_x, end_y = point_of(scene, track, way.at)
             heap.append((way.distance, len(stages)))
             stages.append(Stage(-1, track, way.at, 0.0, way.line, x, y, end_x, end_y))
     heapq.heapify(heap)
     while len(heap) > 0 and len(ends) < k:
         index = heapq.heappop(heap)[1]
-        if has_loop(stages, index, discs, scene.margin):
+        if has_loop(stages, index, scene.discs, scene.shapes, scene.margin):
             continue
         stage = stages[index]
         track = stage.track
@@ -87,12 +89,13 @@ def _search(
                 and togo < np.inf
                 and MIN_SWEEP <= turn <= TWO_PI - MIN_SWEEP
             ):
-                px, py = point_of(discs, track, tracks.angle[node])
-                length = stage.length + turn * discs[track // 2].radius + tracks.line[node]
+                px, py = point_of(scene, track, tracks.angle[node])
+                arc = arc_length(scene, track, stage.at, tracks.angle[node])
+                length = stage.length + arc + tracks.line[node]
                 heapq.heappush(heap, (length + togo, len(stages)))
                 if other >= 0:
                     there, at = tracks.track[other], tracks.angle[other]
-                    qx, qy = point_of(discs, there, at)
+                    qx, qy = point_of(scene, there, at)
                     stages.append(Stage(index, there, at, turn, length, px, py, qx, qy))
                 else:
                     stages.append(
@@ -126,8 +129,7 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
     for length, number in found:
         # the last turn comes first
         turns, every = every[:number][::-1], every[number:]
-        margin = distance.scene.margin
-        paths.append(trace(distance.field, distance.kept, (x, y), turns, length, margin))
+        paths.append(distance.traced((x, y), turns, length))
     # sorted, since the last digit of a length depends on the order of its summands
     return sorted(paths, key=lambda path: path.length)
 
@@ -136,17 +138,17 @@ def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:
     """The best homotopy classes of paths from a point to a field's goal.
 
     Args:
-        field: of discs in the plane.
+        field: in the plane.
         point: (2,) [m], free as in `DistanceToGoal`.
         k: number of classes.
 
     Returns:
         The shortest path of each class, the shortest class first; fewer than k if there are
         no more without loops, and an empty list if there is no path. Among more than `FEW`
-        obstacles, only classes no longer than `LONGEST` times the shortest path are found.
+        discs, only classes no longer than `LONGEST` times the shortest path are found.
 
     Raises:
-        TypeError: obstacles other than discs in the plane.
+        TypeError: a field that is not planar.
         ValueError: a point of another shape, NaN or infinity; k below 1.
     """
     return classes(DistanceToGoal(field), point, k)

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.tangent_graph import sweep
-from ferguson_gym.shortest_paths.tangents import TWO_PI, Records
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Records, Shapes, is_disc, sweep
 
 MIN_SWEEP = 1e-7
 """Arcs shorter than this angle [rad] count as touching; arcs within this angle of a full turn count
@@ -38,13 +37,6 @@ class Stage(NamedTuple):
 
 
 @compiled
-def point_of(discs: Records, track: int, at: float) -> tuple[float, float]:
-    """The point of a track at an angle."""
-    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
-    return disc.x + disc.radius * np.cos(at), disc.y + sense * disc.radius * np.sin(at)
-
-
-@compiled
 def _line_length(stage: Stage) -> float:
     """Length of a stage's line [m]."""
     long: float = np.hypot(stage.end_x - stage.x, stage.end_y - stage.y)
@@ -63,17 +55,22 @@ def _separated(one: Stage, other: Stage, least: float) -> bool:
 
 
 @compiled
-def has_loop(stages: list[Stage], index: int, discs: Records, margin: float) -> bool:
+def has_loop(
+    stages: list[Stage], index: int, discs: Records, shapes: Shapes, margin: float
+) -> bool:
     """Whether a stage's last arc or line meets an earlier part of its route."""
     last = stages[index]
     if last.parent < 0:
         return False
     arc = stages[last.parent]
-    # beyond half a turn, the tangents at an arc's ends meet in front of the disc
-    ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TWO_PI - last.turn))
-    if last.turn > 0.5 * TWO_PI and min(_line_length(last), _line_length(arc)) > ahead:
-        return True
     least = 1e-3 * margin  # lines that touch do not cross
+    if is_disc(shapes, arc.track // 2):
+        # beyond half a turn, the tangents at an arc's ends meet in front of the disc
+        ahead = discs[arc.track // 2].radius * math.tan(0.5 * (TWO_PI - last.turn))
+        if last.turn > 0.5 * TWO_PI and min(_line_length(last), _line_length(arc)) > ahead:
+            return True
+    elif _separated(last, arc, least) and _separated(arc, last, least):
+        return True
     before, turn = arc.parent, arc.turn
     while before >= 0:
         stage = stages[before]

@@ -1,18 +1,19 @@
 """The tangent graph of a field with the shortest distance to the goal from every node, compiled.
 
-A track is a disc's boundary with a direction, clockwise or counter-clockwise. Its nodes, ordered
-along that direction, are the points where tangents leave or arrive, and walls: points in the middle
-of arcs that are covered by another disc or lie outside the bounds. Edges lead from a node along the
-track to the next node, unless that is a wall, and along the tangent that leaves there. A wall can
-be a single point, because tangents touch only parts of tracks that are uncovered and inside the
-bounds: an arc that enters a disc or leaves the bounds can only return past a wall. A node has at
-most two outgoing edges, so that Dijkstra's algorithm takes little more time than sorting the nodes.
+A track is an obstacle's boundary with a direction, clockwise or counter-clockwise. Its nodes,
+ordered along that direction, are the points where tangents leave or arrive, and walls: points in
+the middle of parts that are covered by another obstacle or lie outside the bounds. Edges lead from
+a node along the track to the next node, unless that is a wall, and along the tangent that leaves
+there. A wall can be a single point, because tangents touch only parts of tracks that are uncovered
+and inside the bounds: a path along a track that enters an obstacle or leaves the bounds can only
+return past a wall. A node has at most two outgoing edges, so that Dijkstra's algorithm takes little
+more time than sorting the nodes.
 
-Every path through this graph is taut: it turns only along discs, hence is locally shortest. A
-shortest path bends only on discs: the bounds are convex, and where two discs overlap, the corner of
-the free space is convex, so that a path never bends there. Where three discs have a common tangent,
-rounding decides whether the middle disc is reached before or after the point where it is left; the
-tangent past all three is also an edge.
+Every path through this graph is taut: it turns only along obstacles, hence is locally shortest. A
+shortest path bends only on obstacles: the bounds are convex, and where two obstacles overlap, the
+corner of the free space is convex, so that a path never bends there. Where three obstacles have a
+common tangent, rounding decides whether the middle one is reached before or after the point where
+it is left; the tangent past all three is also an edge.
 
 Reference:
     Dijkstra (1959), A note on two problems in connexion with graphs, Numerische Mathematik 1.
@@ -21,24 +22,22 @@ Reference:
 from __future__ import annotations
 
 import heapq
-import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.boundary import walls
+from ferguson_gym.shortest_paths.common_tangents import Tangents, tangents
+from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, is_disc
 from ferguson_gym.shortest_paths.tangents import (
-    TWO_PI,
-    Integers,
-    Scene,
-    Tangents,
     angle,
-    is_clear,
+    arc_length,
     is_within,
     tangent,
-    tangents,
-    view,
+    tangent_from,
 )
 
 GOAL, WALL = -1, -2
@@ -67,13 +66,6 @@ class Tracks(NamedTuple):
 
 
 @compiled
-def sweep(before: float, after: float) -> float:
-    """Angle from one direction to another, measured upwards [rad]: in [0, 2 pi)."""
-    turn = after - before
-    return turn if turn >= 0.0 else turn + TWO_PI
-
-
-@compiled
 def following(tracks: Tracks, track: int, at: float) -> int:
     """The first node of a track at or after an angle, or -1 if the track has none."""
     first, end = tracks.first[track], tracks.first[track + 1]
@@ -84,36 +76,10 @@ def following(tracks: Tracks, track: int, at: float) -> int:
 
 
 @compiled
-def _walls(scene: Scene) -> tuple[Integers, Array]:
-    """Discs, and angles at which their boundaries are covered most deeply."""
-    where, angles = [0 for _ in range(0)], [0.0 for _ in range(0)]
-    discs, box = scene.discs, scene.box
-    for i in range(len(discs)):
-        x, y, radius = discs[i].x, discs[i].y, discs[i].radius
-        beyond = (
-            x + radius > box[1, 0],
-            y + radius > box[1, 1],
-            x - radius < box[0, 0],
-            y - radius < box[0, 1],
-        )
-        for side in range(4):
-            if beyond[side]:
-                where.append(i)
-                angles.append(side * TWO_PI / 4.0)
-        for j in range(len(discs)):
-            dx, dy = discs[j].x - x, discs[j].y - y
-            # the boundary's point nearest to the other centre
-            if j != i and abs(np.sqrt(dx * dx + dy * dy) - radius) < discs[j].reach:
-                where.append(i)
-                angles.append(math.atan2(dy, dx))
-    return np.array(where), np.array(angles)
-
-
-@compiled
 def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     """Sort the ends of tangents and the walls onto the tracks."""
     n, m = len(scene.discs), len(lines.length)
-    covered, middles = _walls(scene)
+    covered, middles = walls(scene)
     room = 4 * m + 2 * n + 2 * len(covered)
     track, at, line = np.empty(room, dtype=np.int64), np.empty(room), np.full(room, -1.0)
     other = np.full(room, WALL)
@@ -133,13 +99,17 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     for place in range(2 * n):
         i, sense = place // 2, 1.0 - 2.0 * (place % 2)
         disc = scene.discs[i]
-        r = sense * disc.radius
-        length, ux, uy = tangent(goal[0] - disc.x, goal[1] - disc.y, -r)
-        x, y = disc.x + r * uy, disc.y - r * ux
-        if is_within(scene.box, x, y) and is_clear(
-            x, y, ux, uy, length, length, scene.discs, around, i, i
-        ):
-            track[count], at[count], other[count] = place, angle(sense, ux, uy), GOAL
+        if is_disc(scene.shapes, i):
+            r = sense * disc.radius
+            length, ux, uy = tangent(goal[0] - disc.x, goal[1] - disc.y, -r)
+            x, y, far, there = disc.x + r * uy, disc.y - r * ux, length, angle(sense, ux, uy)
+        else:
+            # the line from the goal, reversed
+            back = tangent_from(scene, place ^ 1, goal[0], goal[1])
+            length, ux, uy, there = back.length, -back.ux, -back.uy, -back.at % TWO_PI
+            x, y, far = goal[0] - length * ux, goal[1] - length * uy, length
+        if is_within(scene.box, x, y) and is_clear(x, y, ux, uy, length, far, scene, around, i, i):
+            track[count], at[count], other[count] = place, there, GOAL
             line[count] = length
             count += 1
     for k in range(len(covered)):
@@ -193,7 +163,7 @@ def _search(scene: Scene, tracks: Tracks) -> None:
             heapq.heappush(heap, (togo[other], other))
         before = (node if node > tracks.first[track] else tracks.first[track + 1]) - 1
         if tracks.other[before] != WALL:
-            arc = scene.discs[track // 2].radius * sweep(tracks.angle[before], tracks.angle[node])
+            arc = arc_length(scene, track, tracks.angle[before], tracks.angle[node])
             if way + arc < togo[before]:
                 togo[before], tracks.leave[before] = way + arc, tracks.leave[node]
                 heapq.heappush(heap, (togo[before], before))

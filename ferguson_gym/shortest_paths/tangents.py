@@ -1,16 +1,10 @@
-"""Common tangents of discs, and whether they are free of collisions.
+"""Tangents of discs, and those from a point to an obstacle.
 
-A shortest path among discs consists of straight lines and of arcs along discs, and its lines touch
-the discs at their ends. The path follows a disc on its right clockwise, sense -1, and a disc on its
-left counter-clockwise, sense +1. A point is a disc of radius zero.
-
-One margin separates free from blocked, 1e-9 of the field's size (1e-7 m in the paper's fields): a
-line or arc may cut into a disc or leave the bounds by that much. A path can therefore pass between
-two discs that touch, or that overlap by no more than the margin, and through any passage, however
-narrow. Discs smaller than the margin are ignored.
-
-Reference:
-    Laumond (1987), Obstacle growing in a nonpolygonal world, Information Processing Letters 25.
+A shortest path consists of straight lines and of parts of obstacles' boundaries, which lines touch
+at their ends. The path follows an obstacle on its right clockwise, sense -1, and one on its left
+counter-clockwise, sense +1. Track 2 i is the boundary of obstacle i with sense +1, track 2 i + 1
+with sense -1; angles are those of outward normals, measured in the track's sense, so that they grow
+along it. A point is a disc of radius zero.
 """
 
 from __future__ import annotations
@@ -19,150 +13,22 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.world.field import Field
-
-Integers = NDArray[np.int64]
-
-MARGIN = 1e-9
-"""Depth to which a path may cut into a disc or leave the bounds, relative to the field's size."""
-TWO_PI = 2.0 * math.pi
-
-Records = NDArray[np.void]
-"""An array of DISC."""
-
-DISC = np.dtype(
-    [
-        ("x", np.float64),  # centre [m]
-        ("y", np.float64),
-        ("radius", np.float64),  # [m]
-        ("reach", np.float64),  # distance from the centre below which a point counts as inside [m]
-    ]
+from ferguson_gym.shortest_paths.scene import Scene
+from ferguson_gym.shortest_paths.shapes import (
+    TWO_PI,
+    Shapes,
+    corner_at,
+    end_of,
+    is_disc,
+    last_corner,
+    nearest_feature,
+    straight_parts,
+    sweep,
+    within_range,
 )
-
-
-class Scene(NamedTuple):
-    """The discs that can obstruct a path: not those within another disc or outside the bounds."""
-
-    discs: Records
-    """(n,); their reach is the radius less the margin."""
-    box: Array
-    """(2, 2) lower and upper bounds of the coordinates, enlarged by the margin [m]."""
-    margin: float
-    """[m]."""
-
-
-class View(NamedTuple):
-    """Discs in the order of their distance from a point."""
-
-    order: Integers
-    """(n,) discs."""
-    near: Array
-    """(n,) distance of each from the point [m], increasing."""
-
-
-class Tangents(NamedTuple):
-    """Common tangents of discs that are free of collisions.
-
-    Track 2 i is disc i traversed counter-clockwise (sense +1), track 2 i + 1 clockwise (sense -1).
-    Angles are measured in the track's sense, so that they grow along it. Reversed, a tangent leads
-    from track `arrive ^ 1` to `leave ^ 1`, and angles change sign.
-    """
-
-    leave: Integers
-    """(m,) track that is left."""
-    arrive: Integers
-    """(m,) track that is reached."""
-    angles: Array
-    """(m, 2) of the point that is left and of the point that is reached, in [0, 2 pi)."""
-    length: Array
-    """(m,) [m]."""
-
-
-def scene(field: Field) -> tuple[Scene, Integers]:
-    """The discs of a field that can obstruct a path, and their indices among the field's discs.
-
-    Raises:
-        TypeError: obstacles other than discs in the plane.
-    """
-    discs = field.obstacles
-    if not discs.are_discs or discs.dimension != 2:
-        raise TypeError(
-            "shortest paths are found among discs in the plane, got "
-            f"{type(discs).__name__} in {discs.dimension} dimensions"
-        )
-    low, high = field.bounds
-    far = np.abs(discs.centers).max(axis=1) + discs.radii if len(discs) else np.zeros(1)
-    # the second term is rounding, which matters for discs that are huge beside the field
-    margin = MARGIN * float((high - low).max()) + 1e-14 * float(
-        max(far.max(), np.abs(field.bounds).max())
-    )
-    order = np.argsort(-discs.radii, kind="stable")
-    kept = np.flatnonzero(_matters(discs.centers, discs.radii, order, low, high, margin))
-    records = np.empty(len(kept), dtype=DISC)
-    records["x"], records["y"] = discs.centers[kept].T
-    records["radius"] = discs.radii[kept]
-    records["reach"] = discs.radii[kept] - margin
-    return Scene(records, np.stack([low - margin, high + margin]), margin), kept
-
-
-@compiled
-def _matters(
-    centers: Array, radii: Array, order: Integers, low: Array, high: Array, margin: float
-) -> NDArray[np.bool_]:
-    """Whether a disc reaches into the bounds and is not contained in a disc before it in order."""
-    matters = np.zeros(len(radii), dtype=np.bool_)
-    count = len(radii)
-    # a disc within another has its centre there: candidates stand in the cells that they reach
-    size = max(np.sqrt((high[0] - low[0]) * (high[1] - low[1]) / max(count, 1)), 1e-300)
-    for radius in radii:
-        size += radius / count
-    columns, rows = int((high[0] - low[0]) / size) + 1, int((high[1] - low[1]) / size) + 1
-    latest = np.full((columns, rows), -1)
-    links = [(0, 0) for _ in range(0)]
-    for i in order:
-        x, y, radius = centers[i, 0], centers[i, 1], radii[i]
-        beyond_x = max(low[0] - x, x - high[0], 0.0)
-        beyond_y = max(low[1] - y, y - high[1], 0.0)
-        if not (radius > margin and np.hypot(beyond_x, beyond_y) < radius):
-            continue
-        matters[i] = True
-        link = latest[_cell(x - low[0], size, columns), _cell(y - low[1], size, rows)]
-        while link >= 0 and matters[i]:
-            k, link = links[link]
-            apart = np.hypot(centers[k, 0] - x, centers[k, 1] - y)
-            matters[i] = apart + radius > radii[k] + margin
-        if not matters[i]:
-            continue
-        left = _cell(x - radius - low[0], size, columns)
-        right = _cell(x + radius - low[0], size, columns)
-        bottom = _cell(y - radius - low[1], size, rows)
-        top = _cell(y + radius - low[1], size, rows)
-        for column in range(left, right + 1):
-            for row in range(bottom, top + 1):
-                links.append((i, latest[column, row]))
-                latest[column, row] = len(links) - 1
-    return matters
-
-
-@compiled
-def _cell(offset: float, size: float, number: int) -> int:
-    """Which of some cells of a size holds an offset [m]; the first or last one if none does."""
-    return int(min(max(offset / size, 0.0), number - 1.0))
-
-
-@compiled
-def view(discs: Records, x: float, y: float) -> View:
-    """The discs in the order of their distance from a point."""
-    near = np.empty(len(discs))
-    for k in range(len(discs)):
-        disc = discs[k]
-        near[k] = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2) - disc.radius
-    order = np.argsort(near)
-    return View(order, near[order])
 
 
 @compiled
@@ -194,76 +60,110 @@ def is_within(box: Array, x: float, y: float) -> bool:
 
 
 @compiled
-def is_clear(
-    x: float,
-    y: float,
-    ux: float,
-    uy: float,
-    length: float,
-    far: float,
-    discs: Records,
-    view: View,
-    one: int,
-    other: int,
-) -> bool:
-    """Whether a line from (x, y) in a unit direction meets no disc except `one` and `other`.
-
-    The line touches these two; -1 stands for none. All points of the line must lie within `far` [m]
-    of the point for which `view` was computed.
-    """
-    for place in range(len(discs)):
-        if view.near[place] >= far:
-            break
-        k = view.order[place]
-        if k in (one, other):
-            continue
-        disc = discs[k]
-        dx, dy = disc.x - x, disc.y - y
-        beside = dx * uy - dy * ux
-        if abs(beside) >= disc.reach:
-            continue
-        along = dx * ux + dy * uy
-        beyond = -along if along < 0.0 else max(along - length, 0.0)
-        if beside * beside + beyond * beyond < disc.reach * disc.reach:
-            return False
-    return True
+def corner_angle(shapes: Shapes, i: int, corner: int, sense: float, ux: float, uy: float) -> float:
+    """As `angle`, within the range of a corner of obstacle i that a tangent touches."""
+    at = angle(sense, ux, uy)
+    counter = at if sense > 0.0 else -at % TWO_PI
+    inside = within_range(shapes, i, corner, counter)
+    if inside == counter:
+        return at
+    return inside if sense > 0.0 else -inside % TWO_PI
 
 
 @compiled
-def tangents(scene: Scene) -> Tangents:
-    """All collision-free common tangents of discs that end inside the bounds."""
-    discs = scene.discs
-    room, count = 256, 0
-    leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
-    angles, lengths = np.empty((room, 2)), np.empty(room)
-    for i in range(len(discs)):
-        one = discs[i]
-        around = view(discs, one.x, one.y)
-        for j in range(i + 1, len(discs)):
-            two = discs[j]
-            x, y = two.x - one.x, two.y - one.y
-            apart = np.sqrt(x * x + y * y)
-            for kind in range(4):
-                left, right = 1.0 - 2.0 * (kind // 2), 1.0 - 2.0 * (kind % 2)
-                r, s = left * one.radius, right * two.radius
-                if abs(s - r) > apart + scene.margin:
-                    continue
-                length, ux, uy = tangent(x, y, s - r)
-                x0, y0, far = one.x + r * uy, one.y - r * ux, np.sqrt(length * length + r * r)
-                if not is_within(scene.box, x0, y0):
-                    continue
-                if not is_within(scene.box, two.x + s * uy, two.y - s * ux):
-                    continue
-                if not is_clear(x0, y0, ux, uy, length, far, discs, around, i, j):
-                    continue
-                if count == room:
-                    room *= 2
-                    leave = np.append(leave, np.empty_like(leave))
-                    arrive = np.append(arrive, np.empty_like(arrive))
-                    lengths = np.append(lengths, np.empty_like(lengths))
-                    angles = np.append(angles, np.empty_like(angles)).reshape(room, 2)
-                leave[count], arrive[count] = 2 * i + kind // 2, 2 * j + kind % 2
-                angles[count, 0], angles[count, 1] = angle(left, ux, uy), angle(right, ux, uy)
-                lengths[count] = length
-                count += 1
-    return Tangents(leave[:count], arrive[:count], angles[:count], lengths[:count])
+def arc_length(scene: Scene, track: int, before: float, after: float) -> float:
+    """Length of a track between two angles [m], less than once around."""
+    turn = sweep(before, after)
+    if len(scene.shapes.first) == 0:
+        return float(scene.discs[track // 2].radius * turn)
+    straight = straight_parts(scene.shapes, track, before, after)
+    return float(scene.shapes.radii[track // 2] * turn + straight)
+
+
+@compiled
+def point_of(scene: Scene, track: int, at: float) -> tuple[float, float]:
+    """The point of a track at an angle [m]."""
+    disc, shapes, sense = scene.discs[track // 2], scene.shapes, 1.0 - 2.0 * (track % 2)
+    x, y, radius = disc.x, disc.y, disc.radius
+    if not is_disc(shapes, track // 2):
+        angle = at % TWO_PI
+        c = corner_at(shapes, track // 2, angle if sense > 0.0 else TWO_PI - angle)
+        x, y, radius = shapes.corners[c].x, shapes.corners[c].y, shapes.radii[track // 2]
+    return x + radius * np.cos(at), y + sense * radius * np.sin(at)
+
+
+class Touch(NamedTuple):
+    """A tangent from a point to a track."""
+
+    length: float
+    """[m]."""
+    ux: float
+    """Unit direction."""
+    uy: float
+    at: float
+    """Angle at which it reaches the track [rad]."""
+
+
+@compiled
+def tangent_from(scene: Scene, track: int, x: float, y: float) -> Touch:
+    """The tangent from a point [m] to a track, whether or not other obstacles obstruct it.
+
+    From a point on the boundary or, by a tolerance, inside it is the way to where the track goes
+    on: to the end of the edge that the point lies on, or nothing at all.
+    """
+    disc, shapes, sense = scene.discs[track // 2], scene.shapes, 1.0 - 2.0 * (track % 2)
+    if is_disc(shapes, track // 2):
+        length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
+        return Touch(length, ux, uy, angle(sense, ux, uy))
+    i, radius = track // 2, shapes.radii[track // 2]
+    near = nearest_feature(shapes, i, x, y)
+    c = near.corner
+    if near.distance - radius > scene.margin:
+        c = _touched(shapes, i, c, sense, x, y)
+    elif near.is_edge:
+        if sense < 0.0:
+            c = last_corner(shapes, i, c)
+        at = shapes.corners[c].begin if sense > 0.0 else -end_of(shapes, i, c) % TWO_PI
+        return _to_corner(scene, track, c, at, x, y)
+    elif radius <= scene.margin:
+        # lines from a point on a corner replace those that leave the corner
+        at = end_of(shapes, i, c) if sense > 0.0 else -shapes.corners[c].begin % TWO_PI
+        return _to_corner(scene, track, c, at, x, y)
+    corner = shapes.corners[c]
+    length, ux, uy = tangent(corner.x - x, corner.y - y, sense * radius)
+    at = corner_angle(shapes, i, c, sense, ux, uy)
+    if near.distance - radius <= scene.margin and at != angle(sense, ux, uy):
+        return _to_corner(scene, track, c, at, x, y)
+    return Touch(length, ux, uy, at)
+
+
+@compiled
+def _touched(shapes: Shapes, i: int, nearest: int, sense: float, x: float, y: float) -> int:
+    """The corner that the tangent from a point outside touches."""
+    first, end = shapes.first[i], shapes.first[i + 1]
+    radius = shapes.radii[i]
+    last = shapes.corners[end - 1]
+    before = (x - last.x) * last.nx + (y - last.y) * last.ny > radius
+    for c in range(first, end):
+        corner = shapes.corners[c]
+        # whether the point lies beyond the edge that ends at the corner
+        beyond = (x - corner.x) * corner.nx + (y - corner.y) * corner.ny > radius
+        if sense > 0.0 and before and not beyond:
+            return last_corner(shapes, i, c)
+        if sense < 0.0 and beyond and not before:
+            return last_corner(shapes, i, c)
+        before = beyond
+    return nearest
+
+
+@compiled
+def _to_corner(scene: Scene, track: int, corner: int, at: float, x: float, y: float) -> Touch:
+    """The line from a point to a track at an angle within the range of a corner."""
+    shapes, sense = scene.shapes, 1.0 - 2.0 * (track % 2)
+    q, radius = shapes.corners[corner], shapes.radii[track // 2]
+    dx = q.x + radius * math.cos(at) - x
+    dy = q.y + sense * radius * math.sin(at) - y
+    length = np.sqrt(dx * dx + dy * dy)
+    if length > scene.margin:
+        return Touch(length, dx / length, dy / length, at)
+    return Touch(length, -math.sin(at), sense * math.cos(at), at)

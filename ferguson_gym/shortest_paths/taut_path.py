@@ -1,4 +1,4 @@
-"""A path of straight lines and arcs along discs."""
+"""A path of straight lines and arcs along discs and the corners of obstacles."""
 
 from __future__ import annotations
 
@@ -10,19 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.scene import Scene
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Shapes, corner_at, end_of, next_corner
+from ferguson_gym.shortest_paths.tangents import tangent_from
 from ferguson_gym.world.field import Field
 
 MAX_POINTS = 100_000
 """Upper limit of points on a line or arc: one every 0.25 m of 25 km."""
+_ROUNDING = 1e-9
+"""Angles of a boundary that differ by less may be the same [rad]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ShortestPath:
     """The shortest path of its class: a line, an arc, a line, and so on; the last is a line.
 
-    Lines touch the arcs between them, so that the direction never jumps. Lines and arcs may
-    be of length zero: where the path starts or ends on a disc, passes from one disc to
-    another that touches it, or touches a disc without turning.
+    Lines touch the arcs between them, so that the direction never jumps; edges of obstacles are
+    lines, too. Lines and arcs may be of length zero: where the path starts or ends on an
+    obstacle, passes from one to another that touches it, or touches one without turning. A
+    corner of radius zero is an arc on which the path turns on the spot.
     """
 
     length: float
@@ -30,13 +36,13 @@ class ShortestPath:
     lines: Array
     """Start and end of each line, (m + 1, 2, 2) [m]."""
     discs: NDArray[np.int64]
-    """(m,) index of each arc's disc in the field."""
+    """(m,) index of each arc's obstacle in the field."""
     senses: NDArray[np.int64]
-    """(m,) +1 where it turns left, the disc on its left; -1 where it turns right."""
+    """(m,) +1 where it turns left, the obstacle on its left; -1 where it turns right."""
     centers: Array
-    """(m, 2) of those discs [m]."""
+    """(m, 2) of the arcs [m]."""
     radii: Array
-    """(m,) of those discs [m]."""
+    """(m,) of the arcs [m], zero and more."""
     angles: Array
     """(m, 2) direction from the centre to each arc's start and end [rad]; it grows along an
     arc that turns left and falls along one that turns right."""
@@ -97,33 +103,42 @@ class ShortestPath:
 
 def trace(
     field: Field,
+    scene: Scene,
     kept: NDArray[np.int64],
     start: Sequence[float],
     turns: Sequence[tuple[int, float, float]],
     length: float,
-    margin: float,
 ) -> ShortestPath:
     """The path to a field's goal with some turns.
 
     Args:
-        field: of discs in the plane.
-        kept: (n,) the field's disc for each of those that tracks are numbered after.
+        field: in the plane.
+        scene: of the field.
+        kept: (n,) the field's obstacle for each of those that tracks are numbered after.
         start: (2,) [m]; in a disc that the path goes round first, the path starts on its boundary.
         turns: a track and the angles of its ends, in its sense, for each turn.
         length: of the path [m].
-        margin: depth to which a path may cut into a disc [m].
     """
+    obstacles, are_discs = field.obstacles, field.obstacles.are_discs
+    corners = np.empty(0, np.int64)
+    if not are_discs:
+        arcs = [arc for turn in turns for arc in _arcs(scene.shapes, *turn)]
+        corners = np.array([arc[1] for arc in arcs], dtype=np.int64)
+        turns = [(track, begin, end) for track, _, begin, end in arcs]
     where = np.array([turn[0] for turn in turns], dtype=np.int64)
     senses = 1 - 2 * (where % 2)
     discs = kept[where // 2]
     # from the track's sense to the usual one
     angles = senses[:, None] * np.array([turn[1:] for turn in turns]).reshape(-1, 2)
-    obstacles = field.obstacles
-    assert obstacles.are_discs
-    centers, radii = obstacles.centers[discs], obstacles.radii[discs]
+    radii = obstacles.radii[discs]
+    centers = obstacles.points[discs]
+    if not are_discs:
+        centers = np.stack([scene.shapes.corners[axis][corners] for axis in "xy"], axis=-1)
     around = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     ends = centers[:, None] + radii[:, None, None] * around
-    if len(turns) and math.dist(start, centers[0]) < radii[0] - margin:
+    inside = len(turns) > 0 and math.dist(start, centers[0]) < radii[0] - scene.margin
+    # beside an edge the path leads to its end instead
+    if inside and (are_discs or tangent_from(scene, where[0], start[0], start[1]).length == 0.0):
         start = ends[0, 0]
     knots = np.concatenate([[start], ends.reshape(-1, 2), [field.goal]])
     return ShortestPath(
@@ -135,6 +150,31 @@ def trace(
         radii=radii,
         angles=angles,
     )
+
+
+def _arcs(
+    shapes: Shapes, track: int, at: float, until: float
+) -> list[tuple[int, int, float, float]]:
+    """The arcs of a turn along a track: the track, the corner, and angles in the track's sense."""
+    i, clockwise = track // 2, track % 2 == 1
+    begin, end = (-until, -at) if clockwise else (at, until)
+    corner, last = (corner_at(shapes, i, angle % TWO_PI) for angle in (begin, end))
+    number = int(shapes.first[i + 1] - shapes.first[i])
+    passed = (last - corner) % number
+    if passed == 0 and end - begin > 0.5 * TWO_PI:
+        passed = number if number > 1 else 0
+    arcs = []
+    for _ in range(passed):
+        wide = (end_of(shapes, i, corner) - begin) % TWO_PI
+        # at the very end of a range, rounding may have passed it
+        until = begin + (wide if wide < TWO_PI - _ROUNDING else 0.0)
+        arcs.append((track, corner, begin, until))
+        corner = next_corner(shapes, i, corner)
+        begin = until
+    arcs.append((track, corner, begin, end))
+    if clockwise:
+        return [(track, corner, -end, -begin) for track, corner, begin, end in reversed(arcs)]
+    return arcs
 
 
 def _shares(length: float, spacing: float) -> Array:

@@ -10,8 +10,8 @@ from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import Departure, shortest_departure
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
-from ferguson_gym.shortest_paths.tangents import Scene
 
 _OUTSIDE = 1e-6
 """Clearance given to a point that is moved out of a disc [m]."""

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.tangents import Integers
+from ferguson_gym.shortest_paths.shapes import Integers
 from ferguson_gym.world import Field, transition
 from planners.interface import Route
 from planners.whole_path.line_of_sight import lines_clear, sight_from

@@ -21,7 +21,7 @@ class ShortestPathRouter:
         """Find the shortest path from the vehicle to the goal; the seed has no effect.
 
         Raises:
-            TypeError: obstacles other than discs in the plane.
+            TypeError: a field that is not planar.
         """
         began = time.perf_counter()
         path = path_from(field, vehicle.position)

@@ -11,7 +11,7 @@ from ferguson_gym.curves.convex_core import nearest_on_core
 from ferguson_gym.curves.core_pairs import boundaries_apart
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.tangents import MARGIN, scene
+from ferguson_gym.shortest_paths.scene import MARGIN, scene
 from ferguson_gym.world.field import Field, planar_obstacles
 
 PLANE = (0, 1)
@@ -108,7 +108,7 @@ def lines_clear(around: Sight, starts: ArrayLike, ends: ArrayLike) -> NDArray[np
     """Whether straight lines enter no obstacle and stay inside the bounds: (n,).
 
     Starts and ends are (n, 2) each, or (2,) for all lines [m]; a line may have length zero. Exact
-    up to the margin of `ferguson_gym.shortest_paths.tangents`, as shortest paths are.
+    up to the margin of `ferguson_gym.shortest_paths.scene`, as shortest paths are.
     """
     lines = np.array(np.broadcast_arrays(np.atleast_2d(starts), np.atleast_2d(ends)), np.float64)
     return _are_clear(around, lines[0], lines[1])

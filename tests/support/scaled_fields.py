@@ -27,14 +27,15 @@ class Motion:
         return self.scale * (vectors @ np.array(self.turn).T)
 
     def field(self, field: Field) -> Field:
-        """The image of a field of discs, with its limits."""
-        assert field.obstacles.are_discs
+        """The image of a field, with its limits."""
+        every = field.obstacles
+        images = [self.points(every.core(k)) for k in range(len(every))]
         corners = self.points(field.bounds)
         return Field(
             name=field.name,
-            obstacles=Obstacles.discs(
-                self.points(field.obstacles.centers), self.scale * field.obstacles.radii
-            ),
+            obstacles=Obstacles.discs(self.points(every.centers), self.scale * every.radii)
+            if every.are_discs
+            else Obstacles.hulls(images, self.scale * every.radii),
             start=self.points(field.start),
             goal=self.points(field.goal),
             bounds=np.stack([corners.min(axis=0), corners.max(axis=0)]),

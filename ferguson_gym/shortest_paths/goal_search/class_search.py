@@ -23,9 +23,9 @@ from ferguson_gym.shortest_paths.goal_search.search import (
     with_sector,
 )
 from ferguson_gym.shortest_paths.goal_search.sector_tangents import EIGHTH, sector_of
-from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop, point_of
-from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, sweep
-from ferguson_gym.shortest_paths.tangents import TWO_PI
+from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Records, no_shapes, sweep
+from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL
 
 LONGEST = 1.25
 """Classes longer than this multiple of the shortest path are left out."""
@@ -70,7 +70,7 @@ def find_classes(
             break
         stage = stages[index]
         if eighth == _END:
-            if has_loop(stages, index, discs, site.margin):
+            if has_loop(stages, index, discs, no_shapes(), site.margin):
                 continue
             # the goal's search goes on while this route remains the best one
             least = min(most, heap[0][0]) if len(heap) > 0 else most
@@ -106,7 +106,7 @@ def find_classes(
             if not MIN_SWEEP <= turn <= TWO_PI - MIN_SWEEP:
                 continue
             length = stage.length + turn * disc.radius + way.line
-            px, py = point_of(discs, track, way.angle)
+            px, py = _point_of(discs, track, way.angle)
             other = STRAIGHT if way.other == GOAL else int(way.other)
             following = Stage(index, other, way.there, turn, length, px, py, way.x, way.y)
             total = length + _to_go(search, following)[0]
@@ -117,11 +117,18 @@ def find_classes(
             continue
         until = (first + eighth) % 8 + 1.0
         turn = (first + eighth + 1.0) * EIGHTH - stage.at
-        px, py = point_of(discs, track, until * EIGHTH)
+        px, py = _point_of(discs, track, until * EIGHTH)
         total = stage.length + turn * disc.radius + np.hypot(goal.x - px, goal.y - py)
         if total <= most:
             heapq.heappush(heap, (total, index, eighth + 1))
     return search, found, turns
+
+
+@compiled
+def _point_of(discs: Records, track: int, at: float) -> tuple[float, float]:
+    """The point of a track at an angle."""
+    disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+    return disc.x + disc.radius * np.cos(at), disc.y + sense * disc.radius * np.sin(at)
 
 
 @compiled

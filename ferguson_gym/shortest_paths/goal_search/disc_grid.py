@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
-from ferguson_gym.shortest_paths.tangents import Integers, Records
+from ferguson_gym.shortest_paths.shapes import Integers, Records
 
 
 class Grid(NamedTuple):

@@ -32,8 +32,9 @@ from ferguson_gym.shortest_paths.goal_search.sector_tangents import (
     add_exits,
     sector_of,
 )
+from ferguson_gym.shortest_paths.scene import DISC, Scene
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, Records
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL
-from ferguson_gym.shortest_paths.tangents import DISC, TWO_PI, Integers, Records, Scene
 
 _UNSETTLED = -2
 """The arrival of an exit whose end is not settled."""

@@ -28,14 +28,9 @@ from ferguson_gym.shortest_paths.goal_search.tangent_bins import (
     into_frame,
     make_frame,
 )
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, Records
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL
-from ferguson_gym.shortest_paths.tangents import (
-    TWO_PI,
-    Integers,
-    Records,
-    angle,
-    is_within,
-)
+from ferguson_gym.shortest_paths.tangents import angle, is_within
 
 EIGHTH = TWO_PI / 8.0
 

@@ -18,7 +18,8 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.tangents import TWO_PI, Integers, Records, tangent
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, Records
+from ferguson_gym.shortest_paths.tangents import tangent
 
 BINS = 128
 """Bins of an octant, of equal widths in slope."""

@@ -201,7 +201,7 @@ def test_other_points_are_refused(points: object) -> None:
 
 def test_other_obstacles_are_refused() -> None:
     balls = Obstacles.discs([[5.0, 5.0, 5.0]], [1.0])
-    with pytest.raises(TypeError, match="discs in the plane"):
+    with pytest.raises(TypeError, match="found in the plane, got 3 dimensions"):
         DistanceToGoal(Field(name="balls", obstacles=balls, start=(0, 0, 0), goal=(9, 9, 9)))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.shortest_paths.exact import exact_length, shortest_path
-from ferguson_gym.shortest_paths.tangents import scene
+from ferguson_gym.shortest_paths.scene import scene
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.paper_fields import paper_field
@@ -249,7 +249,7 @@ def test_other_obstacles_are_refused_and_have_no_exact_length() -> None:
         start=(0, 0, 0),
         goal=(9, 9, 9),
     )
-    with pytest.raises(TypeError, match="discs in the plane, got Obstacles in 3 dimensions"):
+    with pytest.raises(TypeError, match="found in the plane, got 3 dimensions"):
         shortest_path(balls)
     assert exact_length(balls) is None
 

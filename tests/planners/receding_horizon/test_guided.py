@@ -129,5 +129,5 @@ def test_obstacles_other_than_discs_are_refused() -> None:
         bounds=np.array([[-5.0] * 3, [15.0] * 3]),
     )
     state = State(transition.State(np.zeros(3), np.ones(3)))
-    with pytest.raises(TypeError, match="discs in the plane"):
+    with pytest.raises(TypeError, match="in the plane"):
         Guided().decide(field, state, 0)

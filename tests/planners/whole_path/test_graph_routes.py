@@ -18,7 +18,7 @@ from planners.whole_path.astar import AStar
 from planners.whole_path.voronoi import VoronoiEdges
 from tests.support.taut_paths import fields, line_depth
 
-MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper
+MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.scene` in the bounds of the paper
 ROUTERS: dict[str, Router] = {"voronoi": VoronoiEdges(), "astar": AStar()}
 every_router = pytest.mark.parametrize("router", ROUTERS.values(), ids=ROUTERS)
 

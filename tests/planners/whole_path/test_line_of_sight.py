@@ -12,7 +12,7 @@ from planners.whole_path.shortcut import shortcut
 from tests.support.mixed_fields import depth_of_lines, mixed_field
 from tests.support.taut_paths import line_depth, random_field
 
-MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.tangents` in the bounds of the paper
+MARGIN = 1.2e-7  # of `ferguson_gym.shortest_paths.scene` in the bounds of the paper
 
 
 def whole_sight(field: Field) -> Sight:

@@ -1,0 +1,190 @@
+"""All common tangents of obstacles that are free of collisions.
+
+Two convex sets have a common tangent wherever the difference of their support functions changes its
+sign: for lines with both on the same side, that of the one and the other, for lines between them
+that of the one and the other's mirror image. Between two normals of edges the same two corners
+support both sets, the difference is a sinusoid, and the tangent is one of two discs. Signs are
+asked once for each normal of an edge, so that neither rounding nor edges that lie on one line can
+lose a tangent or count it twice.
+
+References:
+    Laumond (1987), Obstacle growing in a nonpolygonal world, Information Processing Letters 25.
+    Toussaint (1983), Solving geometric problems with the rotating calipers, IEEE MELECON.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
+from ferguson_gym.shortest_paths.shapes import Integers, Shapes, is_disc
+from ferguson_gym.shortest_paths.tangents import angle, corner_angle, is_within, tangent
+
+_HALF_TURN = np.pi
+
+
+class Tangents(NamedTuple):
+    """Common tangents of obstacles that are free of collisions.
+
+    Tracks and angles are those of `tangents`. Reversed, a tangent leads from track `arrive ^ 1` to
+    `leave ^ 1`, and angles change sign.
+    """
+
+    leave: Integers
+    """(m,) track that is left."""
+    arrive: Integers
+    """(m,) track that is reached."""
+    angles: Array
+    """(m, 2) of the point that is left and of the point that is reached, in [0, 2 pi)."""
+    length: Array
+    """(m,) [m]."""
+
+
+@compiled
+def tangents(scene: Scene) -> Tangents:
+    """All collision-free common tangents of obstacles that end inside the bounds."""
+    discs, shapes = scene.discs, scene.shapes
+    room, count, most = 256, 0, 1
+    leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
+    angles, lengths = np.empty((room, 2)), np.empty(room)
+    for i in range(len(shapes.first) - 1):
+        most = max(most, shapes.first[i + 1] - shapes.first[i])
+    touching = np.empty((16 * most, 4), dtype=np.int64)
+    for i in range(len(discs)):
+        one = discs[i]
+        around = view(discs, one.x, one.y)
+        for j in range(i + 1, len(discs)):
+            two = discs[j]
+            x, y = two.x - one.x, two.y - one.y
+            apart = np.sqrt(x * x + y * y)
+            both_discs = is_disc(shapes, i) and is_disc(shapes, j)
+            number = 4 if both_discs else _touching(shapes, i, j, scene.margin, touching)
+            x_one, y_one, radius_one = one.x, one.y, one.radius
+            x_two, y_two, radius_two = two.x, two.y, two.radius
+            for kind in range(number):
+                left, right, a, b = 1.0 - 2.0 * (kind // 2), 1.0 - 2.0 * (kind % 2), 0, 0
+                if not both_discs:
+                    a, b = touching[kind, 0], touching[kind, 1]
+                    left, right = float(touching[kind, 2]), float(touching[kind, 3])
+                    x_one, y_one = shapes.corners[a].x, shapes.corners[a].y
+                    x_two, y_two = shapes.corners[b].x, shapes.corners[b].y
+                    radius_one, radius_two = shapes.radii[i], shapes.radii[j]
+                    x, y = x_two - x_one, y_two - y_one
+                    if x == 0.0 and y == 0.0:
+                        continue
+                r, s = left * radius_one, right * radius_two
+                if both_discs and abs(s - r) > apart + scene.margin:
+                    continue
+                length, ux, uy = tangent(x, y, s - r)
+                x0, y0, far = x_one + r * uy, y_one - r * ux, np.sqrt(length * length + r * r)
+                if not is_within(scene.box, x0, y0):
+                    continue
+                if not is_within(scene.box, x_two + s * uy, y_two - s * ux):
+                    continue
+                if not both_discs:
+                    dx, dy = x0 - one.x, y0 - one.y
+                    far = np.sqrt(dx * dx + dy * dy)
+                    dx, dy = x_two + s * uy - one.x, y_two - s * ux - one.y
+                    far = max(far, np.sqrt(dx * dx + dy * dy))
+                if not is_clear(x0, y0, ux, uy, length, far, scene, around, i, j):
+                    continue
+                if count == room:
+                    room *= 2
+                    leave = np.append(leave, np.empty_like(leave))
+                    arrive = np.append(arrive, np.empty_like(arrive))
+                    lengths = np.append(lengths, np.empty_like(lengths))
+                    angles = np.append(angles, np.empty_like(angles)).reshape(room, 2)
+                leave[count] = 2 * i + (0 if left > 0.0 else 1)
+                arrive[count] = 2 * j + (0 if right > 0.0 else 1)
+                angles[count, 0], angles[count, 1] = angle(left, ux, uy), angle(right, ux, uy)
+                if not is_disc(shapes, i):
+                    angles[count, 0] = corner_angle(shapes, i, a, left, ux, uy)
+                if not is_disc(shapes, j):
+                    angles[count, 1] = corner_angle(shapes, j, b, right, ux, uy)
+                lengths[count] = length
+                count += 1
+    return Tangents(leave[:count], arrive[:count], angles[:count], lengths[:count])
+
+
+@compiled
+def _touching(shapes: Shapes, i: int, j: int, margin: float, touching: Integers) -> int:
+    """Fill rows with the corners of obstacles i and j that common tangents touch.
+
+    Each row is followed by the senses of the tracks that are left and reached. Returns the number
+    of rows.
+    """
+    number = _on_sides(shapes, i, j, 1.0, margin, touching, 0)
+    return _on_sides(shapes, i, j, -1.0, margin, touching, number)
+
+
+@compiled
+def _on_sides(
+    shapes: Shapes, i: int, j: int, side: float, margin: float, touching: Integers, number: int
+) -> int:
+    """As `_touching`, for lines with the obstacles on the same side, 1, or on both sides, -1."""
+    corners = shapes.corners
+    first, end = shapes.first[i], shapes.first[i + 1]
+    other_first, other_end = shapes.first[j], shapes.first[j + 1]
+    # normals of edges; a disc has none. Those of the second one are turned by half a turn
+    edges = end - first if end - first > 1 else 0
+    other_edges = other_end - other_first if other_end - other_first > 1 else 0
+    start = other_first
+    if side < 0.0:
+        while start < other_end and corners[start].begin < _HALF_TURN:
+            start += 1
+    a, b = end - 1, (start if start > other_first else other_end) - 1
+    radius = shapes.radii[i] - side * shapes.radii[j]
+    if side < 0.0:
+        radius -= margin
+    # the last normal before angle zero
+    nx, ny = corners[a].nx, corners[a].ny
+    if other_edges > 0 and (edges == 0 or _turned(corners[b].begin, side) > corners[a].begin):
+        nx, ny = side * corners[b].nx, side * corners[b].ny
+    value = nx * (corners[a].x - corners[b].x) + ny * (corners[a].y - corners[b].y) + radius
+    place, other_place = 0, 0
+    while place < edges or other_place < other_edges:
+        before, before_x, before_y = value >= 0.0, nx, ny
+        dx, dy = corners[a].x - corners[b].x, corners[a].y - corners[b].y
+        next_b = start + other_place
+        next_b = next_b if next_b < other_end else next_b - other_edges
+        next_a = first + place
+        is_first = place < edges
+        if is_first and other_place < other_edges:
+            is_first = corners[next_a].begin <= _turned(corners[next_b].begin, side)
+        if is_first:
+            nx, ny = corners[next_a].nx, corners[next_a].ny
+        else:
+            nx, ny = side * corners[next_b].nx, side * corners[next_b].ny
+        value = nx * dx + ny * dy + radius
+        after = value >= 0.0
+        falls, rises = before and not after, after and not before
+        if before == after:
+            # both signs occur where the sinusoid has its extremum between the two normals
+            sign = -1.0 if before else 1.0
+            turned = before_x * dy - before_y * dx, dx * ny - dy * nx
+            if sign * turned[0] > 0.0 and sign * turned[1] > 0.0:
+                extreme = radius + sign * np.sqrt(dx * dx + dy * dy)
+                falls = rises = (extreme >= 0.0) != before
+        for sense in (1, -1):
+            if falls if sense > 0 else rises:
+                touching[number, 0], touching[number, 1] = a, b
+                touching[number, 2] = sense
+                touching[number, 3] = sense if side > 0.0 else -sense
+                number += 1
+        if is_first:
+            a, place = next_a, place + 1
+        else:
+            b, other_place = next_b, other_place + 1
+    return number
+
+
+@compiled
+def _turned(angle: float, side: float) -> float:
+    """The angle of a normal of the second obstacle, or of its mirror image, in [0, 2 pi)."""
+    if side > 0.0:
+        return angle
+    return angle - _HALF_TURN if angle >= _HALF_TURN else angle + _HALF_TURN
