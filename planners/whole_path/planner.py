@@ -6,12 +6,12 @@ import dataclasses
 import math
 import time
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field
+from ferguson_gym.world import Field, transition
 from ferguson_gym.world.similarity import similarity
 from planners.interface import (
     CrashedError,
@@ -31,6 +31,13 @@ from planners.rollout import ends_on_goal, flight_plan, fly_chain, remaining_pla
 from planners.whole_path.route_fit import fit
 
 
+class Fitter(Protocol):
+    """Fits segments to routes."""
+
+    def __call__(self, points: Array, field: Field, vehicle: transition.State) -> Array | None:
+        """Certified segments (n, 4, 2) from a vehicle along a route (m, 2) to the goal, if any."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WholePath:
     """Plans a route once and fits segments to it."""
@@ -38,6 +45,8 @@ class WholePath:
     knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
 
     router: Router
+    fitter: Fitter = fit
+    """Fits segments to the route."""
 
     def plan(self, field: Field, state: State, seed: int) -> Plan:
         """Plan from a state to the goal; a feasible rest of an earlier plan is returned."""
@@ -80,7 +89,7 @@ class WholePath:
             return None, None, Status.CRASHED, str(error)
         if route is None:
             return None, None, Status.NO_ROUTE, ""
-        return fit(route.points, field, state.vehicle), route, Status.NOT_FITTED, ""
+        return self.fitter(route.points, field, state.vehicle), route, Status.NOT_FITTED, ""
 
 
 def with_seconds(planner: Planner, seconds: float | None) -> Planner:
