@@ -33,9 +33,9 @@ from ferguson_gym.rendering.drawing import (
 from ferguson_gym.shortest_paths import exact_length, shortest_path
 from ferguson_gym.world import get_field, get_fields, is_feasible
 from ferguson_gym.world.paper_fields import TABLE_I
+from planners.constructors import multi_start
 from planners.interface import initial_state
 from planners.optimization.sqp.multi_start import MultiStart
-from planners.registry import multi_start
 
 parser = argparse.ArgumentParser(description=__doc__)
 parser.add_argument("--seeds", type=int, default=5, help="flights through each field")

@@ -10,92 +10,27 @@ from importlib.metadata import EntryPoint, entry_points
 from typing import Any
 
 from ferguson_gym.runtime import truncate_repr
-from ferguson_gym.runtime.optional_dependencies import require
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world import Field
 from ferguson_gym.world.field_names import as_field
 from ferguson_gym.world.turn_radius import check_turn_radius
+from planners.constructors import OWN
 from planners.deadline import check_deadline, plan_within
 from planners.interface import (
-    Iterations,
     Plan,
     Planner,
     Replanner,
-    Router,
     initial_state,
     knowledge_of,
 )
-from planners.optimization import MultiStart, Proposer
+from planners.optimization import Proposer
 from planners.reachability import explained, unreachable_plan
-from planners.receding_horizon import Guided, Pursuit, RecedingHorizon
-from planners.whole_path.astar import AStar
-from planners.whole_path.exact import ShortestPathRouter
-from planners.whole_path.ompl import Ompl
-from planners.whole_path.planner import WholePath
-from planners.whole_path.swarm import bees, particles
-from planners.whole_path.voronoi import VoronoiEdges
+from planners.receding_horizon import Guided, RecedingHorizon
 from planners.wrappers import Backtracking, Margin, Sensing
 from planners.wrappers.limited_sensing import check_range
 
-
-def single_start() -> RecedingHorizon:
-    """The paper's planner without random guesses; local minima can trap it."""
-    return RecedingHorizon(random_starts=0, solver=MultiStart(sidesteps=()))
-
-
-def multi_start() -> RecedingHorizon:
-    """The paper's planner from the shifted plan and 10 random feasible guesses."""
-    return RecedingHorizon()
-
-
-def _fitted(router: Callable[..., Router], *needs: str, **options: Any) -> Callable[[], WholePath]:
-    """A constructor of planners that fit segments to routes; `needs` are arguments of `require`."""
-
-    def construct() -> WholePath:
-        if needs:
-            require(*needs)
-        return WholePath(router=router(**options))
-
-    return construct
-
-
-shortest = _fitted(ShortestPathRouter)
-"""Segments fitted to the exact shortest path."""
-voronoi = _fitted(VoronoiEdges)
-"""Segments fitted to a route along the Voronoi diagram of the obstacles' centres."""
-astar = _fitted(AStar, "astar", "networkx", "networkx")
-"""Segments fitted to a shortened A* path on a grid."""
-rrt = _fitted(Ompl, algorithm="rrt", budget=Iterations(100_000))
-"""A rapidly exploring random tree, from OMPL."""
-rrt_star = _fitted(Ompl, algorithm="rrt-star", budget=Iterations(12_000))
-"""RRT*, from OMPL."""
-prm = _fitted(Ompl, algorithm="prm", budget=Iterations(10_000))
-"""A probabilistic roadmap, from OMPL."""
-bit_star = _fitted(Ompl, algorithm="bit-star", budget=Iterations(40))
-"""Batch informed trees, BIT*, from OMPL."""
-pso = _fitted(particles, "pso", "pygmo", "pygmo")
-"""Segments fitted to a route that particle swarms find."""
-abc = _fitted(bees, "abc", "pygmo", "pygmo")
-"""Segments fitted to a route that artificial bee colonies find."""
-
-PLANNERS: dict[str, Callable[[], Planner]] = {
-    "single-start": single_start,
-    "multi-start": multi_start,
-    "guided": Guided,
-    "pursuit": Pursuit,
-    "shortest": shortest,
-    "voronoi": voronoi,
-    "astar": astar,
-    "rrt": rrt,
-    "rrt-star": rrt_star,
-    "prm": prm,
-    "bit-star": bit_star,
-    "pso": pso,
-    "abc": abc,
-}
+PLANNERS: dict[str, Callable[[], Planner]] = dict(OWN)
 """Constructors of planners by name; they raise a ValueError if a library is not installed."""
-_OWN = frozenset(PLANNERS)
-"""Names of the planners of this project."""
 GROUP = "ferguson.planners"
 """Entry points of this group in installed packages name further planners."""
 
@@ -133,7 +68,7 @@ def registered() -> dict[str, Callable[[], Planner]]:
     return {
         name: constructor
         for name, constructor in PLANNERS.items()
-        if name not in _OWN and not isinstance(constructor, _Installed)
+        if name not in OWN and not isinstance(constructor, _Installed)
     }
 
 

@@ -188,7 +188,7 @@ def _prepare_solvers(options: argparse.Namespace, terminal: Terminal) -> Job:
     import importlib.util
 
     from agents.benchmarks import solvers
-    from planners.registry import multi_start
+    from planners.constructors import multi_start
 
     check_directory(options.out)
     if options.ipopt_every and importlib.util.find_spec("casadi") is None:

@@ -20,7 +20,8 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_fields
 from ferguson_gym.world.obstacles import Obstacles
-from planners.registry import PLANNERS, single_start
+from planners.constructors import single_start
+from planners.registry import PLANNERS
 
 HEAD_ON = Field(
     name="head-on", obstacles=Obstacles.discs([[5, 0]], [5]), start_derivative=np.array([5, 0])

@@ -17,9 +17,10 @@ from ferguson_gym.world.feasibility import is_feasible
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Obstacles
+from planners.constructors import multi_start, single_start
 from planners.interface import State, initial_state
 from planners.receding_horizon.paper import RecedingHorizon
-from planners.registry import make, multi_start, single_start
+from planners.registry import make
 from planners.wrappers.backtracking import Backtracking
 from planners.wrappers.limited_sensing import Sensing
 from tests.support.scripted_policies import Always, Noisy, Straight
