@@ -105,7 +105,13 @@ def nearest_on_core(
 
 @compiled
 def outward_normal(
-    point: Array, near: Nearest, corners: Array, first: int, end: int, axes: Rows, normal: Array
+    point: Array | tuple[float, float],
+    near: Nearest,
+    corners: Array,
+    first: int,
+    end: int,
+    axes: Rows,
+    normal: Array,
 ) -> float:
     """Fill the unit normal (D,) in which the signed distance grows; return its curvature [1/m].
 

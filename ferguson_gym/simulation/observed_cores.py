@@ -7,7 +7,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.curves.convex_core import Cores, has_core, nearest_on_core
+from ferguson_gym.curves.convex_core import Cores, has_core, nearest_on_core, outward_normal
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 
@@ -26,16 +26,27 @@ def nearest_outline_point(x: float, y: float, cores: Cores, k: int) -> tuple[flo
     The third number is the signed distance of the point from the grown core [m].
     """
     corners, first, end = cores.corners, cores.first[k], cores.first[k + 1]
-    near = nearest_on_core((x, y), corners, first, end, (0, 1))
-    corner, share = near.corner, near.share
-    after = corner + 1 if corner + 1 < end else first
-    at_x, at_y = corners[0, corner], corners[1, corner]
-    along_x, along_y = corners[0, after] - at_x, corners[1, after] - at_y
-    if near.distance <= 0.0 and share > 0.0:  # inside of a polygon, of which only the edge is known
-        share = (x - at_x) * along_x + (y - at_y) * along_y
-        share /= along_x * along_x + along_y * along_y
-    distance = near.distance - cores.radii[k]
-    return at_x + share * along_x, at_y + share * along_y, distance
+    best2, at_x, at_y = np.inf, 0.0, 0.0
+    inside = end - first > 2
+    off_x, off_y = x - corners[0, end - 1], y - corners[1, end - 1]
+    for corner in range(first, end):  # from the last edge on, which ends at the first corner
+        next_x, next_y = x - corners[0, corner], y - corners[1, corner]
+        edge_x, edge_y = off_x - next_x, off_y - next_y
+        apart2 = next_x * next_x + next_y * next_y
+        if apart2 < best2:
+            best2, at_x, at_y = apart2, next_x, next_y
+        beyond = off_x * edge_y - off_y * edge_x
+        along, size2 = off_x * edge_x + off_y * edge_y, edge_x * edge_x + edge_y * edge_y
+        if 0.0 < along < size2 and beyond * beyond < best2 * size2:
+            best2 = beyond * beyond / size2
+            at_x, at_y = beyond / size2 * edge_y, -beyond / size2 * edge_x
+        inside = inside and beyond <= 0.0
+        off_x, off_y = next_x, next_y
+    if inside:  # the edge whose line is nearest
+        distance = nearest_on_core((x, y), corners, first, end, (0, 1)).distance
+    else:
+        distance = np.sqrt(best2)
+    return x - at_x, y - at_y, distance - cores.radii[k]
 
 
 @compiled
@@ -140,42 +151,62 @@ def shorten_by_core(
         k: index of the obstacle.
     """
     corners, first, end, radius = cores.corners, cores.first[k], cores.first[k + 1], cores.radii[k]
-    crack = _CRACK * view
-    outside, out_x, out_y = -np.inf, 0.0, 0.0  # signed distance, and the normal there
+    crack, is_outside = _CRACK * view, False
     before_x = corners[0, first] - corners[0, end - 1]
     before_y = corners[1, first] - corners[1, end - 1]
-    size = np.sqrt(before_x * before_x + before_y * before_y)
-    before_x, before_y = before_x / size, before_y / size
     at_x, at_y = corners[0, first] - x, corners[1, first] - y
-    height_before = at_y * before_x - at_x * before_y - radius
+    faced_before = _is_faced(at_x, at_y, before_x, before_y, radius)
     for corner in range(first, end):
         after = corner + 1 if corner + 1 < end else first
-        next_x, next_y = corners[0, after] - x, corners[1, after] - y
-        along_x, along_y = next_x - at_x, next_y - at_y
-        size = np.sqrt(along_x * along_x + along_y * along_y)
-        along_x, along_y = along_x / size, along_y / size
-        # the core lies to the left of its edges, the vehicle to the right of those it faces
-        height = at_y * along_x - at_x * along_y - radius
-        begin = at_x * along_x + at_y * along_y
-        away = np.sqrt(at_x * at_x + at_y * at_y)
-        if begin <= 0.0 <= begin + size and height > outside:
-            outside, out_x, out_y = height, along_y, -along_x
-        beside = begin >= 0.0 and at_x * before_x + at_y * before_y <= 0.0
-        if beside and away > 0.0 and away - radius > outside:
-            outside, out_x, out_y = away - radius, -at_x / away, -at_y / away
-        is_seen = height > 0.0 or height_before > 0.0 or (beside and away > radius)
-        if radius > 0.0 and is_seen and away - radius < view:
-            ahead, left = turn.real * at_x + turn.imag * at_y, turn.real * at_y - turn.imag * at_x
-            shorten_by_arc(ranges, directions, ahead, left, radius)
-        if 0.0 < height < view and begin < view and begin + size > -view:
-            ahead = turn.real * along_x + turn.imag * along_y
-            left = turn.real * along_y - turn.imag * along_x
-            low, top = max(begin, -view) - crack, min(begin + size, view) + crack
-            _shorten_by_edge(ranges, directions, ahead, left, height, low, top)
-        at_x, at_y, before_x, before_y, height_before = next_x, next_y, along_x, along_y, height
-    if outside <= 0.0:
-        ahead = np.float32(turn.real * out_x + turn.imag * out_y)
-        left = np.float32(turn.real * out_y - turn.imag * out_x)
-        for j in range(len(ranges)):
-            inward = directions[0, j] * ahead + directions[1, j] * left < np.float32(0.0)
-            ranges[j] = np.float32(0.0) if inward else ranges[j]
+        edge_x, edge_y = (
+            corners[0, after] - corners[0, corner],
+            corners[1, after] - corners[1, corner],
+        )
+        is_faced = _is_faced(at_x, at_y, edge_x, edge_y, radius)
+        along = at_x * edge_x + at_y * edge_y
+        if radius > 0.0:
+            away = np.sqrt(at_x * at_x + at_y * at_y)
+            beside = along >= 0.0 and at_x * before_x + at_y * before_y <= 0.0 and away > radius
+            is_outside |= beside
+            if (beside or is_faced or faced_before) and away - radius < view:
+                ahead = turn.real * at_x + turn.imag * at_y
+                left = turn.real * at_y - turn.imag * at_x
+                shorten_by_arc(ranges, directions, ahead, left, radius)
+        if is_faced:
+            is_outside = True
+            size = np.sqrt(edge_x * edge_x + edge_y * edge_y)
+            height = (at_y * edge_x - at_x * edge_y) / size - radius
+            begin = along / size
+            if height < view and begin < view and begin + size > -view:
+                ahead = (turn.real * edge_x + turn.imag * edge_y) / size
+                left = (turn.real * edge_y - turn.imag * edge_x) / size
+                low, top = max(begin, -view) - crack, min(begin + size, view) + crack
+                _shorten_by_edge(ranges, directions, ahead, left, height, low, top)
+        at_x, at_y = corners[0, after] - x, corners[1, after] - y
+        before_x, before_y, faced_before = edge_x, edge_y, is_faced
+    if not is_outside:
+        _shorten_inside(ranges, directions, x, y, turn, cores, k)
+
+
+@compiled
+def _is_faced(at_x: float, at_y: float, edge_x: float, edge_y: float, radius: float) -> bool:
+    """Whether a vehicle is outside of an edge that is moved out, from one of its ends there."""
+    beyond = at_y * edge_x - at_x * edge_y  # the core lies to the left of its edges
+    square = edge_x * edge_x + edge_y * edge_y
+    return bool(beyond > 0.0 and beyond * beyond > radius * radius * square)
+
+
+@compiled
+def _shorten_inside(
+    ranges: Ranges, directions: Ranges, x: float, y: float, turn: complex, cores: Cores, k: int
+) -> None:
+    """Shorten to zero those ranges (R,) along which obstacle k is deeper than at (x, y)."""
+    first, end = cores.first[k], cores.first[k + 1]
+    near, normal = nearest_on_core((x, y), cores.corners, first, end, (0, 1)), np.empty(2)
+    outward_normal((x, y), near, cores.corners, first, end, (0, 1), normal)
+    ahead = np.float32(turn.real * normal[0] + turn.imag * normal[1])
+    left = np.float32(turn.real * normal[1] - turn.imag * normal[0])
+    zero = np.float32(0.0)
+    for j in range(len(ranges)):
+        inward = directions[0, j] * ahead + directions[1, j] * left < zero
+        ranges[j] = zero if inward else ranges[j]
