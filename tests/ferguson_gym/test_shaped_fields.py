@@ -93,8 +93,9 @@ def test_the_step_decides_as_the_plain_one_does() -> None:
 def test_many_at_once_are_each_as_one_alone_in_a_pool_of_shapes_and_discs(
     mode: AutoresetMode,
 ) -> None:
-    # corners by the hundred come behind fields of few, and discs of a suite among them
-    pool = [*(shaped(seed, 3 + 5 * seed) for seed in range(5)), "forest/train:0-9"]
+    # corners by the hundred come behind fields of few, those of suites only when they are drawn
+    suites = ["forest/train:0-4", "town/train:0-4", "walls/train:0-4"]
+    pool = [*(shaped(seed, 3 + seed) for seed in range(5)), *suites]
     number = 70  # threads share the work
     envs = VectorObstacleField(number, mode, fields=pool, segments=6, **BOTH)
     alone = [ObstacleField(fields=pool, segments=6, **BOTH) for _ in range(number)]
@@ -130,7 +131,7 @@ def test_many_at_once_are_each_as_one_alone_in_a_pool_of_shapes_and_discs(
 
 
 def test_corners_find_room_at_resets_and_after_changes_of_fields() -> None:
-    envs = gym.make_vec("ferguson/ObstacleField-v0", num_envs=80, capacity=60, fields=9, **BOTH)
+    envs = gym.make_vec("ferguson/ObstacleField-v0", num_envs=80, capacity=100, fields=9, **BOTH)
     stream = np.random.default_rng(2)
     envs.reset(seed=0)
     fields: list[Field | None] = [None] * 80
@@ -144,11 +145,13 @@ def test_corners_find_room_at_resets_and_after_changes_of_fields() -> None:
             same({key: value[i] for key, value in shown.items()}, alone)
             shown, *_ = envs.step(actions(stream, 80) * np.float32(0.1))
     envs.set_arguments(fields=[shaped(5, 25), "sparse/train:1"], indices=[1, 2, 79])
+    envs.set_arguments(suite="town", indices=[3, 4])
     for _ in range(60):
         envs.step(actions(stream, 80))
     assert {envs.field(i).name for i in (1, 2, 79)} <= {"shapes 5", "sparse/train:1"}
-    with pytest.raises(ValueError, match="has 87 obstacles, the environment holds at most 60"):
-        envs.reset(options={"field": shaped(6, 40)})
+    assert envs.field(3).name.startswith("town/train:")
+    with pytest.raises(ValueError, match="obstacles, the environment holds at most 100"):
+        envs.reset(options={"field": shaped(6, 60)})
 
 
 @pytest.mark.parametrize("how", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
