@@ -97,7 +97,8 @@ class Obstacles:
         middle = np.where(number[:, None] == 1, self.points[starts], 0.5 * (low + high))
         away = np.linalg.norm(self.points - np.repeat(middle, number, axis=0), axis=1)
         around = np.maximum.reduceat(away, starts)
-        return middle, np.where(number == 1, self.radii, (around + self.radii) * _WIDER)
+        radii = np.where(number == 1, self.radii, (around + self.radii) * _WIDER)
+        return frozen(middle), frozen(radii)
 
     @staticmethod
     def discs(centers: ArrayLike, radii: ArrayLike) -> Obstacles:
@@ -236,10 +237,10 @@ class Obstacles:
 
     @property
     def cores(self) -> Cores:
-        """The cores for compiled functions."""
+        """The cores for compiled functions, of one type for discs and others: compiled once."""
         if self.are_discs:
             return Cores(np.empty((self.dimension, 0)), np.empty(0, np.int64), np.empty(0))
-        return Cores(np.ascontiguousarray(self.points.T), self.starts, self.radii)
+        return Cores(np.array(self.points.T, order="C"), self.starts.copy(), self.radii.copy())
 
     def core(self, k: int) -> Array:
         """Corners (m, D) of the core of obstacle k [m]."""
@@ -276,13 +277,15 @@ class Obstacles:
 
     def near(self, point: ArrayLike, reach: float) -> Obstacles:
         """The obstacles with a signed distance of at most `reach` [m] from a point (D,)."""
+        return self.only_these(self.which_near(point, reach))
+
+    def which_near(self, point: ArrayLike, reach: float) -> NDArray[np.int64]:
+        """The indices (m,), rising, of the obstacles that `near` selects."""
         point = np.asarray(point, dtype=np.float64)
         if len(self) <= MANY:
-            return self.only(self.signed_distance(point) <= reach)
-        chosen = np.zeros(len(self), np.bool_)
+            return np.flatnonzero(self.signed_distance(point) <= reach)
         near = self._slab(point, reach)
-        chosen[near] = self.only_these(near).signed_distance(point) <= reach
-        return self.only(chosen)
+        return near[self.only_these(near).signed_distance(point) <= reach]
 
     def _slab(self, point: Array, reach: float) -> NDArray[np.int64]:
         """The obstacles near a point (D,) by their first coordinate alone, in their order."""

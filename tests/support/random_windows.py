@@ -10,6 +10,7 @@ from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from planners.optimization.initial_guesses import random_chains
 from planners.optimization.window import Window, WindowSettings, final_window, horizon_window
+from tests.support.random_shapes import random_shape_field
 
 NUMBERS = (0, 1, 5, 50, 300)
 PLACES = (
@@ -37,11 +38,14 @@ class Case:
     segments: int = 3
     final: bool = False
     bending_weight: float = 0.0
+    shaped: bool = False
+    """Whether obstacles have every shape."""
 
     def draw(self) -> tuple[Window, np.ndarray]:
         """The window and a guess (segments, 4, 2)."""
         stream = np.random.default_rng(self.seed)
-        field = random_field(stream, self.discs)
+        shaped = random_shape_field(stream, self.discs) if self.shaped else None
+        field = shaped or random_field(stream, self.discs)
         angle = stream.uniform(-np.pi, np.pi)
         along = self.speed * np.array([np.cos(angle), np.sin(angle)])
         vehicle = State(_position(stream, field, self.place), along)
@@ -95,15 +99,15 @@ def random_field(stream: np.random.Generator, discs: int) -> Field:
 
 def _position(stream: np.random.Generator, field: Field, place: str) -> np.ndarray:
     position = stream.uniform(-10.0, 110.0, 2)
-    discs = field.obstacles
+    centers, radii = field.obstacles.balls
     coordinate = stream.integers(2)
     match place:
         case "at the start":
             return field.start
-        case "in a disc" if len(discs):
-            disc = stream.integers(len(discs))
+        case "in a disc" if len(radii):
+            disc = stream.integers(len(radii))
             off = stream.choice([0.0, 1.0]) * stream.normal(0.0, 0.4, 2)
-            return discs.centers[disc] + off * discs.radii[disc]
+            return np.asarray(centers[disc] + off * radii[disc])
         case "on a bound":
             aside = stream.choice([0.0, 1e-9, -1e-9, 1e-3, -1e-3])
             position[coordinate] = stream.choice([-10.0, 110.0]) + aside

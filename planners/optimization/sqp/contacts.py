@@ -1,5 +1,7 @@
 """Contacts of a curve with discs, bounds and its least speed, to second order, compiled.
 
+Those with other obstacles are in `planners.optimization.sqp.core_contacts`.
+
 A contact is a local minimum over t of the distance phi(x, t) between a curve and a disc or a bound,
 or of |X'(t)| minus its limit. Its value c(x) = phi(x, t*(x)), here called its clearance, is a
 constraint c(x) >= 0 of the solver. By the envelope theorem
@@ -31,27 +33,27 @@ Records = NDArray[np.void]
 """An array of CONTACT."""
 
 SPEED, LOW, HIGH = -1, -2, -4
-"""Codes in the field `what` of a contact, beside the indices of discs: SPEED for the lower bound on
-|X'(t)|; LOW - d and HIGH - d for the bounds of coordinate d."""
+"""Codes in the field `what` of a contact, beside the indices of obstacles: SPEED for the lower
+bound on |X'(t)|; LOW - d and HIGH - d for the bounds of coordinate d."""
 NEAR = 0.1
-"""Distance [m] from a disc within which every sampled parameter is a contact."""
+"""Distance [m] from an obstacle within which every sampled parameter is a contact."""
 
 SAMPLES = 17
 """Number of sampled parameters of a curve."""
 _T = np.linspace(0.0, 1.0, SAMPLES)
 _POINT, _SLOPE, _SECOND = basis(_T), basis(_T, 1), basis(_T, 2)
-_MIN_NORM = 1e-9
+MIN_NORM = 1e-9
 """Vectors shorter than this have no usable direction [m]."""
 
 CONTACT = np.dtype(
     [
         ("clearance", np.float64),  # [m], or [m per unit t] for speed and turns
         ("segment", np.int64),
-        ("what", np.int64),  # disc, or SPEED, LOW, HIGH, or a side, LEFT or RIGHT, of turns
+        ("what", np.int64),  # obstacle, or SPEED, LOW, HIGH, or a side, LEFT or RIGHT, of turns
         ("t", np.float64),
         ("weight", np.float64, (4,)),  # w: weights of the control rows at t
         ("normal", np.float64, (2,)),  # N: direction in which the clearance grows
-        ("inverse", np.float64),  # q: one over the distance from a disc's centre [1/m]
+        ("inverse", np.float64),  # q: one over the distance from a centre or corner [1/m]
         ("mixed", np.float64, (8,)),  # u = phi_xt
         ("drift", np.float64),  # e = 1 / phi_tt, zero where t is fixed
     ],
@@ -134,6 +136,19 @@ class Circle(NamedTuple):
     radius: float
 
 
+class Local(NamedTuple):
+    """A segment at some t, and the direction in which a clearance grows there."""
+
+    point: Array
+    """(2,) [m]."""
+    slope: Array
+    """(2,) first derivative with respect to t [m per unit t]."""
+    bend: Array
+    """(2,) second derivative with respect to t."""
+    normal: Array
+    """(2,) unit vector."""
+
+
 class Curve(NamedTuple):
     """A segment or its derivative at the sampled parameters."""
 
@@ -142,12 +157,37 @@ class Curve(NamedTuple):
     slopes: Array
     """(17, 2)."""
     rise: Array
-    """(17,) derivative of half the squared distance from a disc's centre."""
+    """(17,) derivative of half the squared distance from a disc's centre, or of the distance from
+    another core."""
     powers: Array
     """(4, 2) coefficients of 1, t, t^2, t^3."""
     spread: Array
     """(2,) estimates of the curve's radius around the middle and of its deviation between samples;
     certification covers curves for which they are too small."""
+    apart: Array
+    """(17,) signed distance from a core that is not a point [m]."""
+    depth: Array
+    """(17,) scratch, as is fall (17,)."""
+    fall: Array
+    """Scratch."""
+    local: Local
+    """Scratch."""
+
+
+@compiled
+def empty_curve() -> Curve:
+    """Memory for the samples of a curve."""
+    return Curve(
+        np.empty((SAMPLES, 2)),
+        np.empty((SAMPLES, 2)),
+        np.empty(SAMPLES),
+        np.empty((4, 2)),
+        np.empty(2),
+        np.empty(SAMPLES),
+        np.empty(SAMPLES),
+        np.empty(SAMPLES),
+        Local(np.empty(2), np.empty(2), np.empty(2), np.empty(2)),
+    )
 
 
 @compiled
@@ -183,7 +223,7 @@ def approach(points: Array, slopes: Array, x: float, y: float, rise: Array) -> f
 
 
 @compiled
-def _record(
+def record(
     records: Records,
     gradients: Array,
     count: int,
@@ -232,7 +272,7 @@ def add(
     if norm - circle.radius >= reach:
         return count
     size = norm
-    if norm < _MIN_NORM:
+    if norm < MIN_NORM:
         # any direction will do: across the chord for a disc, along it for the derivative
         control = piece.control
         x, y = control[1, 0] - control[0, 0], control[1, 1] - control[0, 1]
@@ -241,15 +281,15 @@ def add(
         if x == 0.0 and y == 0.0:
             x = 1.0
         size = np.sqrt(x * x + y * y)
-    nx, ny, inverse = x / size, y / size, 1.0 / max(norm, _MIN_NORM)
+    nx, ny, inverse = x / size, y / size, 1.0 / max(norm, MIN_NORM)
     what, clearance = circle.what, norm - circle.radius
-    _record(records, gradients, count, piece, what, t, clearance, (nx, ny), inverse)
+    record(records, gradients, count, piece, what, t, clearance, (nx, ny), inverse)
     if moving:
         vx, vy = a1 + t * (2.0 * a2 + 3.0 * t * a3), b1 + t * (2.0 * b2 + 3.0 * t * b3)
         along = vx * nx + vy * ny
         turn = nx * (2.0 * a2 + 6.0 * t * a3) + ny * (2.0 * b2 + 6.0 * t * b3)
         turn += (vx * vx + vy * vy - along * along) * inverse
-        if turn > _MIN_NORM:
+        if turn > MIN_NORM:
             contact = records[count]
             contact.drift = 1.0 / turn
             wx, wy = (vx - along * nx) * inverse, (vy - along * ny) * inverse
@@ -274,12 +314,12 @@ def _add_coordinate(
 ) -> int:
     """Add a contact of coordinate d at an extreme: parameter, clearance, second derivative."""
     t, clearance, turn = extreme
-    if not 0.0 < t < 1.0 or turn <= _MIN_NORM or count == len(records) or clearance >= reach:
+    if not 0.0 < t < 1.0 or turn <= MIN_NORM or count == len(records) or clearance >= reach:
         return count
     sign = 1.0 if side == 0 else -1.0
     normal = (sign, 0.0) if d == 0 else (0.0, sign)
     what = (LOW if side == 0 else HIGH) - d
-    _record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
+    record(records, gradients, count, piece, what, t, clearance, normal, 0.0)
     contact = records[count]
     contact.drift = 1.0 / turn
     slopes = row_weights(t, 1)

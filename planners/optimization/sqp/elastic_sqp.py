@@ -97,26 +97,16 @@ class SearchState:
 
 
 class Search:
-    """Searches for local minima of one window, one after the other, reusing memory.
-
-    Raises:
-        TypeError: a window among other obstacles than discs.
-    """
+    """Searches for local minima of one window, one after the other, reusing memory."""
 
     def __init__(self, options: ElasticSqp, window: Window, until: float) -> None:
         """Prepare searches that stop at `until` [s] on the clock of `time.perf_counter`."""
-        discs, chain = window.obstacles, window.chain
-        if not discs.are_discs:
-            raise TypeError(
-                "this solver needs discs, not other shapes; "
-                "planners.optimization.reference.exchange.ByExchange solves windows among any "
-                "obstacles"
-            )
+        obstacles, chain = window.obstacles, window.chain
         self.options, self.window, self.until = options, window, until
         self.box = window.box
         n, m = chain.segments, len(self.box[0])
-        room = min(max(256, 4 * n * len(discs)), 4096)
-        self.fresh = self.layout = layout_of(window, discs)
+        room = min(max(256, 4 * n * len(obstacles)), 4096)
+        self.fresh = self.layout = layout_of(window, obstacles)
         self.end = self.fresh.place[-1, 2:4]
         kink = window.objective.kink
         self.kink = None if kink is None else (float(kink[0]), float(kink[1]))
@@ -156,8 +146,8 @@ class Search:
         if state.status not in (CONVERGED, ABANDONED):
             return False
         clear, t = self.window.obstacles.closest(chain)
-        segment, disc = np.nonzero(clear < -self.tolerance)
-        pinned = np.column_stack([segment, disc, t[segment, disc]])
+        segment, obstacle = np.nonzero(clear < -self.tolerance)
+        pinned = np.column_stack([segment, obstacle, t[segment, obstacle]])
         pinned = np.vstack([pinned, too_sharp(chain, self.window.turn_radius, self.tolerance)])
         every = np.vstack([state.layout.pinned_contacts, pinned])
         state.layout = state.layout._replace(pinned_contacts=every)

@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled, compiled_in_place
+from ferguson_gym.runtime.jit import compiled, compiled_in_place, unowned
 from planners.optimization.quadrature import BENDING
 from planners.optimization.sqp.contacts import (
     CONTACT,
-    SAMPLES,
     SPEED,
     Circle,
     Curve,
@@ -22,8 +22,10 @@ from planners.optimization.sqp.contacts import (
     add_around,
     add_coordinates,
     approach,
+    empty_curve,
     trace,
 )
+from planners.optimization.sqp.core_contacts import Core, add_around_core, add_fixed_to_core
 from planners.optimization.sqp.turn_contacts import add_turns
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)
@@ -45,9 +47,11 @@ class Layout(NamedTuple):
     bounds: Array
     """(2, 2) lower and upper bounds of the coordinates [m]."""
     centers: Array
-    """(discs, 2) [m]."""
+    """(obstacles, 2) centres of balls that contain the obstacles; discs are these [m]."""
     radii: Array
-    """(discs,) [m]."""
+    """(obstacles,) of the balls [m]."""
+    cores: Cores
+    """Of the obstacles; empty if all are discs."""
     slowest: float
     """Lower bound on |X'(t)| [m per unit t]."""
     limits: Array
@@ -57,8 +61,8 @@ class Layout(NamedTuple):
     correction: Array
     """(n,) certified length minus quadrature length [m]; nonzero only near cusps."""
     pinned_contacts: Array
-    """(k, 3) contacts that certification found, at a fixed parameter: segment, disc or side of a
-    turn, and t."""
+    """(k, 3) contacts that certification found, at a fixed parameter: segment, obstacle or side of
+    a turn, and t."""
     turn_radius: float
     """Minimum turn radius [m]; zero allows any."""
 
@@ -183,7 +187,7 @@ def _add_bending(control: Array, total: float) -> float:
 
 
 @compiled_in_place
-def _add_discs(
+def _add_obstacles(
     layout: Layout,
     out: Expansion,
     count: int,
@@ -192,13 +196,17 @@ def _add_discs(
     reach: float,
     curve: Curve,
 ) -> int:
-    """Add a segment's contacts with discs, near ones and pinned ones."""
+    """Add a segment's contacts with obstacles, near ones and pinned ones."""
     # segments join smoothly, so that an end is a nearest point only where the chain ends
     ends = piece.k == len(layout.base) - 1
+    shaped = len(layout.cores.first) > 0
     for disc in range(len(layout.radii)):
         x, y, radius = layout.centers[disc, 0], layout.centers[disc, 1], layout.radii[disc]
         far = (middle[0] - x) ** 2 + (middle[1] - y) ** 2
         if far > (curve.spread[0] + radius + reach) ** 2:
+            continue
+        if shaped and layout.cores.first[disc + 1] - layout.cores.first[disc] > 1:
+            count = _add_core(layout, out, count, piece, disc, ends, reach, curve)
             continue
         circle = Circle(disc, x, y, radius)
         least = approach(curve.points, curve.slopes, x, y, curve.rise)
@@ -211,6 +219,29 @@ def _add_discs(
             if int(pinned[0]) == piece.k and int(pinned[1]) == disc:
                 t, powers = pinned[2], curve.powers
                 count = add(out.contact, out.slope, count, piece, circle, t, False, reach, powers)
+    return count
+
+
+@compiled
+def _add_core(
+    layout: Layout,
+    out: Expansion,
+    count: int,
+    piece: Piece,
+    what: int,
+    ends: bool,
+    reach: float,
+    curve: Curve,
+) -> int:
+    """Add a segment's contacts with an obstacle whose core is not a point."""
+    cores = layout.cores
+    core = Core(what, cores.corners, cores.first[what], cores.first[what + 1], cores.radii[what])
+    count = add_around_core(out.contact, out.slope, count, piece, core, reach, ends, curve)
+    for row in range(len(layout.pinned_contacts)):
+        pinned = layout.pinned_contacts[row]
+        if int(pinned[0]) == piece.k and int(pinned[1]) == what:
+            t = pinned[2]
+            count = add_fixed_to_core(out.contact, out.slope, count, piece, core, t, reach, curve)
     return count
 
 
@@ -238,15 +269,11 @@ def expand(
         The number of contacts; the sum of all constraint violations [m]; the chain's length [m];
         and the bending's share of the objective [m].
     """
+    layout, out = unowned(layout), unowned(out)  # the caller holds them
     slope = np.empty(8)
     v, first, second = np.empty((3, 2)), np.empty((3, 2)), np.empty((3, 3, 3))
-    curve = Curve(
-        np.empty((SAMPLES, 2)),
-        np.empty((SAMPLES, 2)),
-        np.empty(SAMPLES),
-        np.empty((4, 2)),
-        np.empty(2),
-    )
+    owned = empty_curve()
+    curve = unowned(owned)
     count, total, bent = 0, 0.0, 0.0
     for k in range(len(layout.base)):
         control, place = out.control[k], layout.place[k]
@@ -263,11 +290,12 @@ def expand(
         bent = _add_bending(control, bent)
         middle = 0.5 * (control[0, 0] + control[1, 0]), 0.5 * (control[0, 1] + control[1, 1])
         trace(control, 0, middle, curve)
-        count = _add_discs(layout, out, count, piece, middle, reach, curve)
+        count = _add_obstacles(layout, out, count, piece, middle, reach, curve)
         trace(control, 1, (0.0, 0.0), curve)
         count = _add_speed(layout, out, count, piece, reach, curve)
         count = add_coordinates(out.contact, out.slope, count, piece, layout.bounds, reach)
         if layout.turn_radius > 0.0:
             radius, pinned = layout.turn_radius, layout.pinned_contacts
             count = add_turns(out.contact, out.slope, count, piece, radius, reach, pinned)
+    owned.rise[0] = 0.0  # a last use, which keeps the memory of `curve` alive until here
     return count, _violation(out, count, layout.limits), total, layout.bending_weight * bent

@@ -107,9 +107,10 @@ def agreement(here: Iterate, there: Iterate, decrease: float) -> float:
     return max(ratio, 1e-3) if there.violation < 0.9 * here.violation else ratio
 
 
-def layout_of(window: Window, discs: Obstacles) -> Layout:
+def layout_of(window: Window, obstacles: Obstacles) -> Layout:
     """A window's chain and limits for compiled functions, without pinned contacts."""
     chain, limits = window.chain, window.field.limits
+    centers, radii = obstacles.balls
     places = np.full(chain.free.shape, -1, np.int64)
     places[chain.free] = np.arange(chain.free.sum())
     # rows start, end, start derivative, end derivative, as in a control array
@@ -118,8 +119,9 @@ def layout_of(window: Window, discs: Obstacles) -> Layout:
         base=chain.control(np.zeros(int(chain.free.sum()))),
         place=place.reshape(-1, 8),
         bounds=window.field.bounds,
-        centers=discs.centers,
-        radii=discs.radii,
+        centers=centers,
+        radii=radii,
+        cores=obstacles.cores,
         slowest=limits.slowest,
         limits=np.array([limits.shortest, limits.longest]),
         bending_weight=window.bending_weight,

@@ -27,7 +27,7 @@ class MultiStart:
 
     The first guess is optimised first; others are abandoned if they cannot improve on its result.
     Then the best chain is shifted to both sides and optimised again: a search is local, and passing
-    between neighbouring discs is often shorter.
+    between neighbouring obstacles is often shorter.
     """
 
     search: ElasticSqp = field(default_factory=ElasticSqp)
@@ -43,7 +43,6 @@ class MultiStart:
         """Certified local minima from guesses (n, 4, 2), which need not be feasible.
 
         Raises:
-            TypeError: a window among other obstacles than discs.
             ValueError: a guess that is not finite.
         """
         if not guesses:

@@ -1,9 +1,10 @@
-"""Discs among many: what is looked up by coordinates is what a look at every disc finds."""
+"""Obstacles among many: what is looked up by coordinates is what a look at every one finds."""
 
 import pickle
 
 import numpy as np
 import pytest
+from numba import typeof
 
 from ferguson_gym.curves import clearance
 from ferguson_gym.world import obstacles
@@ -58,3 +59,10 @@ def test_they_travel_to_other_processes() -> None:
     discs.near([0.0, 0.0], 10.0)
     copy = pickle.loads(pickle.dumps(discs))
     np.testing.assert_array_equal(copy.near([9.0, 9.0], 60.0).radii, discs.near([9, 9], 60).radii)
+
+
+def test_kernels_are_compiled_once_for_discs_and_other_shapes() -> None:
+    discs = Obstacles.discs([[0.0, 0.0]], [1.0])
+    shapes = Obstacles.joined([discs, Obstacles.boxes([[3.0, 3.0]], [[4.0, 4.0]])])
+    types = [[typeof(array) for array in (*some.balls, *some.cores)] for some in (discs, shapes)]
+    assert types[0] == types[1]

@@ -1,6 +1,5 @@
 """Solvers of windows: what they call feasible is, whatever the window."""
 
-import dataclasses
 import math
 import time
 from dataclasses import dataclass, replace
@@ -262,16 +261,6 @@ def test_no_guesses_give_no_ends(solver: str) -> None:
     assert SOLVERS[solver].solve(window_from(OPEN), []) == []
 
 
-def test_other_obstacles_than_discs_are_refused() -> None:
-    walls = Obstacles.capsules([[[9.0, 0.0], [9.0, 9.0]]], 1.0)
-    window = dataclasses.replace(window_from(OPEN), obstacles=walls)
-    guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
-    with pytest.raises(
-        TypeError, match=r"discs, not other shapes; planners\.optimization\.reference\.exchange"
-    ):
-        MultiStart().solve(window, [guess])
-
-
 def test_a_guess_that_is_not_a_number_is_refused() -> None:
     guess = straight_ahead(initial_state(OPEN), 3, PAPER_LIMITS)
     guess[1, 3, 0] = math.nan
@@ -329,6 +318,7 @@ cases = st.builds(
     segments=st.integers(1, 4),
     final=st.booleans(),
     bending_weight=st.sampled_from([0.0, 0.01]),
+    shaped=st.booleans(),
 )
 
 
