@@ -7,13 +7,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ferguson_gym.curves.convex_core import Cores, nearest_on_core
+from ferguson_gym.curves.core_crossings import crosses, line_exit
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 
 Integers = NDArray[np.int64]
 
 DEPTH_PRICE = 2.0
-"""Price of the greatest depth of a segment in discs, relative to its length."""
+"""Price of the greatest depth of a segment in obstacles, relative to its length."""
 _DEEP_PRICE = 60.0
 """Price of the square of that depth, relative to the length and the shortest segment."""
 _WORST, _WORST_START = 0.3, 6.0
@@ -21,6 +23,17 @@ _WORST, _WORST_START = 0.3, 6.0
 those at the start, whose derivative may point away from the route."""
 _SLOWEST, _FASTEST = 0.5, 1.8
 """Bounds on the lengths of derivatives, relative to the length of their segment."""
+
+
+class Shapes(NamedTuple):
+    """Obstacles."""
+
+    centers: Array
+    """(n, 2) of balls that contain them; discs are these [m]."""
+    radii: Array
+    """(n,) of the balls [m]."""
+    cores: Cores
+    """Empty if all are discs."""
 
 
 class Grid(NamedTuple):
@@ -32,8 +45,10 @@ class Grid(NamedTuple):
     """(2 knots - 1, 2) unit vectors."""
     way: Array
     """(2 knots - 1,) length of the chords up to each point [m]."""
-    near: Array
-    """(2 knots - 1, most, 3) discs near each point, centre and radius; then rows of -1."""
+    near: Integers
+    """(2 knots - 1, most) obstacles near each point, then -1."""
+    shapes: Shapes
+    """The obstacles."""
     few: int
     """Intervals between knots in a shortest segment."""
     many: int
@@ -46,7 +61,8 @@ def _cost(
     end: Array,
     leave: Array,
     arrive: Array,
-    near: Array,
+    near: Integers,
+    shapes: Shapes,
     samples: int,
     route: float,
     depth_price: float,
@@ -59,27 +75,33 @@ def _cost(
     Infinite if it is too high, or if the segment is longer than `longest` or, with that finite,
     shorter than `shortest`.
 
-    near (samples + 1, most, 3) are discs at each parameter, or (1, most, 3) the same at all.
+    near (samples + 1, most) are obstacles at each parameter, or (1, most) the same at all.
     """
     length, depth, deep, worst = 0.0, 0.0, _DEEP_PRICE / shortest, worst * shortest
-    before_x, before_y = start[0], start[1]
+    before_x, before_y, shaped = start[0], start[1], len(shapes.cores.first) > 0
     for sample in range(1, samples + 1):
         t = sample / samples
         blend = t * t * (3.0 - 2.0 * t)
         first, last = t * (1.0 - t) * (1.0 - t), t * t * (t - 1.0)
         x = start[0] + blend * (end[0] - start[0]) + first * leave[0] + last * arrive[0]
         y = start[1] + blend * (end[1] - start[1]) + first * leave[1] + last * arrive[1]
-        length += np.sqrt((x - before_x) ** 2 + (y - before_y) ** 2)
-        before_x, before_y = x, y
+        step = np.sqrt((x - before_x) ** 2 + (y - before_y) ** 2)
+        length += step
         row = sample if len(near) > 1 else 0
         for k in range(near.shape[1]):
-            radius = near[row, k, 2]
-            if radius < 0.0:
+            one = near[row, k]
+            if one < 0:
                 break
-            dx, dy = x - near[row, k, 0], y - near[row, k, 1]
+            radius = shapes.radii[one]
+            dx, dy = x - shapes.centers[one, 0], y - shapes.centers[one, 1]
             square = dx * dx + dy * dy
-            if square < radius * radius:
+            if shaped and shapes.cores.first[one + 1] - shapes.cores.first[one] > 1:
+                if square < (radius + step) ** 2:
+                    within = _depth(before_x, before_y, x, y, shapes.cores, one)
+                    depth = max(depth, within)
+            elif square < radius * radius:
                 depth = max(depth, radius - np.sqrt(square))
+        before_x, before_y = x, y
         if depth * (depth_price + deep * depth) > worst:
             return np.inf
     if longest < np.inf and not shortest <= length <= longest:
@@ -89,12 +111,25 @@ def _cost(
 
 
 @compiled
+def _depth(before_x: float, before_y: float, x: float, y: float, cores: Cores, one: int) -> float:
+    """Depth of the second of two points in an obstacle, or of the line between them in its core."""
+    first, end, radius = cores.first[one], cores.first[one + 1], cores.radii[one]
+    point = np.array([x, y])
+    depth = radius - nearest_on_core(point, cores.corners, first, end, (0, 1)).distance
+    vx, vy = x - before_x, y - before_y
+    if vx * vx + vy * vy > 0.0 and crosses(before_x, before_y, vx, vy, cores.corners, first, end):
+        depth = max(depth, radius + line_exit(x, y, vx, vy, cores.corners, first, end).depth)
+    return float(depth)
+
+
+@compiled
 def costs(grid: Grid, departure: Array, speeds: Array, shortest: float) -> Array:
     """Costs (knots, widths, speeds, speeds) [m] of segments that start at each knot.
 
     The second index counts their intervals, from `few`; the others are the speeds, lengths of
     derivatives, at start and end. Knot 0 has the derivative `departure`, listed as speed 0.
     """
+    grid = unowned(grid)  # the caller holds it
     points, tangents, near = grid.points, grid.tangents, grid.near
     knots, number = (len(points) + 1) // 2, len(speeds)
     cost = np.full((knots, grid.many - grid.few + 1, number, number), np.inf)
@@ -120,6 +155,7 @@ def costs(grid: Grid, departure: Array, speeds: Array, shortest: float) -> Array
                         leave,
                         arrive,
                         near[2 * i : 2 * j + 1],
+                        grid.shapes,
                         2 * wide,
                         length,
                         DEPTH_PRICE,
@@ -137,7 +173,7 @@ def entries(
     offsets: Array,
     angles: Array,
     speeds: Array,
-    local: Array,
+    local: Integers,
     depth_price: float,
     shortest: float,
     longest: float,
@@ -145,12 +181,14 @@ def entries(
     """First knots beside a route: the knot beside which each lies, the entry and its cost [m].
 
     Entries (n, 2, 2) are points, at all distances `offsets` [m] to the left, and derivatives, at
-    all `angles` [rad] to the route and of all `speeds`. local (m, 3) are the discs around.
+    all `angles` [rad] to the route and of all `speeds`. local (m,) are the obstacles around, and
+    then -1.
     """
+    grid = unowned(grid)  # the caller holds it
     points, last = grid.points, min(grid.many, len(grid.points) // 2)
     room = (last + 1) * len(offsets) * len(angles) * len(speeds)
     knot, entry, cost = np.empty(room, np.int64), np.empty((room, 2, 2)), np.empty(room)
-    count, end, arrive, discs = 0, np.empty(2), np.empty(2), local.reshape(1, -1, 3)
+    count, end, arrive, around = 0, np.empty(2), np.empty(2), local.reshape(1, -1)
     for j in range(last + 1):
         ux, uy = grid.tangents[2 * j]
         for offset in offsets:
@@ -165,7 +203,8 @@ def entries(
                         end,
                         departure,
                         arrive,
-                        discs,
+                        around,
+                        grid.shapes,
                         max(2 * j, 2 * grid.few),
                         grid.way[2 * j],
                         depth_price,
@@ -185,6 +224,7 @@ def costs_by_entry(
     grid: Grid, knot: Integers, entry: Array, cost: Array, speeds: Array, shortest: float
 ) -> tuple[Array, Integers]:
     """Least costs (knots, speeds) [m] of two segments by way of an entry, and which it is."""
+    grid = unowned(grid)  # the caller holds it
     points, tangents, near = grid.points, grid.tangents, grid.near
     knots = (len(points) + 1) // 2
     best = np.full((knots, len(speeds)), np.inf)
@@ -206,6 +246,7 @@ def costs_by_entry(
                     entry[e, 1],
                     arrive,
                     near[2 * i : 2 * j + 1],
+                    grid.shapes,
                     2 * (j - i),
                     length,
                     DEPTH_PRICE,

@@ -2,8 +2,9 @@
 
 Evenly spaced knots suit routes with few turns. In a slalom, a segment between two of them may have
 to follow three turns, which no cubic does. Here the knots lie on a grid along the route, and the
-chain is tangent to it; of all these chains the cheapest is found, by length and by depth in discs.
-Where the state's derivative points away from the route, the first knot may lie beside it.
+chain is tangent to it; of all these chains the cheapest is found, by length and by depth in
+obstacles. Where the state's derivative points away from the route, the first knot may lie beside
+it.
 
 Reference:
     Bellman (1961), On the approximation of curves by line segments using dynamic programming,
@@ -24,6 +25,8 @@ from ferguson_gym.world.obstacles import Obstacles
 from planners.optimization.knot_costs import (
     DEPTH_PRICE,
     Grid,
+    Integers,
+    Shapes,
     cheapest,
     costs,
     costs_by_entry,
@@ -47,20 +50,20 @@ _ENTRY_SPEEDS = 9
 _FASTEST = 3.0
 """Greatest derivative of an entry, relative to the longest segment."""
 _BLOCK = 32
-"""Number of neighbouring points whose discs are looked up together."""
+"""Number of neighbouring points whose obstacles are looked up together."""
 _ENTRIES = 200
 """Number of entries kept."""
 
 
 def turn_aligned(
-    state: State, points: Array, discs: Obstacles, limits: Limits, segments: int
+    state: State, points: Array, obstacles: Obstacles, limits: Limits, segments: int
 ) -> Iterator[Array]:
     """Chains (n, 4, 2) along a route whose segments end where it is best to follow its turns.
 
     Args:
         state: from which the chains start.
         points: (m, 2) of the route [m]; they begin at the state.
-        discs: which the chains avoid as well as cubics between such knots can.
+        obstacles: which the chains avoid as well as cubics between such knots can.
         limits: of segments; their lengths are kept along the route.
         segments: maximum number n of segments.
 
@@ -68,13 +71,8 @@ def turn_aligned(
         Up to four different chains, which need not be feasible: with all knots on the route, then
         with a first knot that may lie beside it. There are none if the route is shorter than a
         segment or has no chain of so many segments near it.
-
-    Raises:
-        TypeError: obstacles other than discs.
     """
-    if not discs.are_discs:
-        raise TypeError(f"guesses along turns need discs, not {type(discs).__name__}")
-    grid = _grid(points, discs, limits)
+    grid = _grid(points, obstacles, limits)
     last = len(grid.points) // 2
     if last < grid.few or grid.many < grid.few:
         return
@@ -87,7 +85,7 @@ def turn_aligned(
         entry = np.empty((0, 2, 2))
         second, which = np.full((last + 1, len(speeds)), np.inf), np.zeros((0, 0), np.int64)
         if search is not None:
-            entry, second, which = _by_entry(grid, state, discs, limits, speeds, *search)
+            entry, second, which = _by_entry(grid, state, obstacles, limits, speeds, *search)
         knots, speed = cheapest(cost, second, grid.few, most, price)
         if len(knots) == 0:
             continue
@@ -102,8 +100,8 @@ def turn_aligned(
             yield chain
 
 
-def _grid(points: Array, discs: Obstacles, limits: Limits) -> Grid:
-    """Knots and the points halfway between them, on a route (m, 2), with the discs nearby."""
+def _grid(points: Array, obstacles: Obstacles, limits: Limits) -> Grid:
+    """Knots and the points halfway between them, on a route (m, 2), with the obstacles nearby."""
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
     way = np.concatenate([[0.0], np.cumsum(chords)])
     intervals = max(1, round(float(way[-1]) * _INTERVALS / limits.shortest))
@@ -117,33 +115,30 @@ def _grid(points: Array, discs: Obstacles, limits: Limits) -> Grid:
         points=fine,
         tangents=tangent,
         way=np.concatenate([[0.0], np.cumsum(cut)]),
-        near=_near(fine, discs, limits.shortest),
+        near=_near(fine, obstacles, limits.shortest),
+        shapes=Shapes(*obstacles.balls, obstacles.cores),
         few=math.ceil(limits.shortest / interval - 1e-6),
         many=math.floor(limits.longest / interval + 1e-6),
     )
 
 
-def _near(points: Array, discs: Obstacles, reach: float) -> Array:
-    """Discs (points, most, 3), centre and radius, at most `reach` [m] from each point.
-
-    Rows of missing discs have the radius -1.
-    """
-    blocks: list[Array] = []
+def _near(points: Array, obstacles: Obstacles, reach: float) -> Integers:
+    """Obstacles (points, most) at most `reach` [m] from each point, then -1."""
+    blocks: list[Integers] = []
     for first in range(0, len(points), _BLOCK):
         block = points[first : first + _BLOCK]
         middle = 0.5 * (block.min(axis=0) + block.max(axis=0))
         far = float(np.linalg.norm(block - middle, axis=1).max())
-        around = discs.near(middle, far + reach) if len(discs) else discs
-        rows = np.column_stack([around.centers, around.radii])
-        close = around.signed_distance(block) <= reach
+        around = obstacles.which_near(middle, far + reach)
+        close = obstacles.only_these(around).signed_distance(block) <= reach
         number = close.sum(axis=1)
-        near = np.full((len(block), int(number.max(initial=0)), 3), -1.0)
-        point, disc = np.nonzero(close)
+        near = np.full((len(block), int(number.max(initial=0))), -1)
+        point, one = np.nonzero(close)
         place = np.arange(len(point)) - np.repeat(np.cumsum(number) - number, number)
-        near[point, place] = rows[disc]
+        near[point, place] = around[one]
         blocks.append(near)
     most = max(1, *(near.shape[1] for near in blocks))
-    out = np.full((len(points), most, 3), -1.0)
+    out = np.full((len(points), most), -1)
     for k, near in enumerate(blocks):
         out[k * _BLOCK : k * _BLOCK + len(near), : near.shape[1]] = near
     return out
@@ -152,7 +147,7 @@ def _near(points: Array, discs: Obstacles, reach: float) -> Array:
 def _by_entry(
     grid: Grid,
     state: State,
-    discs: Obstacles,
+    obstacles: Obstacles,
     limits: Limits,
     speeds: Array,
     price: float,
@@ -163,8 +158,7 @@ def _by_entry(
 
     The cost is that to a knot and a speed, (knots, speeds), followed by the entry's index.
     """
-    around = discs.near(state.position, limits.longest)
-    local = np.column_stack([around.centers, around.radii]) if len(around) else -np.ones((1, 3))
+    around = obstacles.which_near(state.position, limits.longest)
     fast = np.geomspace(limits.shortest, _FASTEST * limits.longest, _ENTRY_SPEEDS)
     offsets = limits.shortest * _OFFSETS
     knot, entry, cost = entries(
@@ -173,7 +167,7 @@ def _by_entry(
         offsets,
         np.linspace(-angle, angle, angles),
         fast,
-        local,
+        np.append(around, -1),
         price,
         limits.shortest,
         limits.longest,

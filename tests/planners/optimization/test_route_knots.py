@@ -1,9 +1,12 @@
 """Guesses along turns: knots on the route, segments within the limits, fewer where few are left."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
 from ferguson_gym.curves.arc_length import length
+from ferguson_gym.curves.splines import evaluate
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.exact import shortest_path
 from ferguson_gym.world import transition
@@ -90,3 +93,44 @@ def test_a_straight_route_needs_few_segments(segments: int) -> None:
     chain = next(turn_aligned(state_on(points), points, open_field, PAPER_LIMITS, 40))
     assert len(chain) == segments
     np.testing.assert_allclose(chain[:, 1, 1], 0.0, atol=1e-12)
+
+
+BLOCKS = Obstacles.boxes(
+    [[8.0 * k - 2.0, -9.0 if k % 2 else -1.0] for k in range(1, 6)],
+    [[8.0 * k + 2.0, 1.0 if k % 2 else 9.0] for k in range(1, 6)],
+)
+"""Rectangles on alternating sides of the x-axis, which they overlap by a metre."""
+
+
+def around_blocks(radius: float) -> Array:
+    """The shortest route between the rectangles, which passes by their corners."""
+    corners = [[0.0, 0.0]]
+    for k in range(1, 6):
+        y = (1.0 + radius) * (1.0 if k % 2 else -1.0)
+        corners += [[8.0 * k - 2.0 - radius, y], [8.0 * k + 2.0 + radius, y]]
+    corners.append([48.0, 0.0])
+    way = [np.linspace(a, b, 20) for a, b in pairwise(corners)]
+    return np.concatenate([way[0], *(part[1:] for part in way[1:])])
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.3])
+def test_they_follow_the_corners_of_blocks(radius: float) -> None:
+    points, blocks = around_blocks(radius), BLOCKS.grown(np.full(5, radius))
+    state = state_on(points)
+    chains = list(turn_aligned(state, points, blocks, PAPER_LIMITS, 40))
+    way = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    even = along_route(state, points, len(chains[0]), way)
+    clear = blocks.clearance(chains[0]).min()
+    assert clear > -0.4
+    assert clear > blocks.clearance(even).min()
+
+
+def test_a_thin_wall_is_as_deep_as_the_way_round_it() -> None:
+    """A chain straight through it is no cheaper than one round its end, however thin it is."""
+    wall = Obstacles.capsules([[[10.0, -8.0], [10.0, 8.0]]], 0.01)
+    points = np.array([[0.0, 0.0], [10.0, 8.1], [20.0, 0.0]])
+    way = [np.linspace(a, b, 40) for a, b in pairwise(points)]
+    route = np.concatenate([way[0], way[1][1:]])
+    for chain in turn_aligned(state_on(route), route, wall, PAPER_LIMITS, 40):
+        middle = evaluate(chain, np.linspace(0.0, 1.0, 201)).reshape(-1, 2)
+        assert np.abs(middle[np.abs(middle[:, 0] - 10.0).argmin(), 1]) > 7.0
