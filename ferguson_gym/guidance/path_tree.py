@@ -12,14 +12,26 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ferguson_gym.guidance.margins import outside
+from ferguson_gym.guidance.margins import Solids, outside
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT
 from ferguson_gym.shortest_paths.scene import Scene
-from ferguson_gym.shortest_paths.shapes import Integers, Records, sweep
+from ferguson_gym.shortest_paths.shapes import (
+    TWO_PI,
+    Integers,
+    Records,
+    Shapes,
+    along_boundary,
+    corner_at,
+    enters,
+    is_disc,
+    nearest_feature,
+    straight_parts,
+    sweep,
+)
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, Tracks
-from ferguson_gym.shortest_paths.tangents import angle, tangent
+from ferguson_gym.shortest_paths.tangents import angle, tangent, tangent_to_shape
 
 NODE = np.dtype(
     [
@@ -39,19 +51,22 @@ NOWHERE), the angle there [rad], and the length of its first line [m]."""
 
 
 class PathTree(NamedTuple):
-    """The shortest paths to the goal among n discs."""
+    """The shortest paths to the goal among n obstacles."""
 
     discs: Array
-    """(4, n) x, y and radius, and the distance below which a point counts as inside [m]."""
+    """(4, n) x, y and radius, and the distance below which a point counts as inside [m], of discs
+    or, for obstacles of other shapes, of the discs that bound them."""
     frame: Array
     """(4, 2) bounds within which a point may lie, the goal, and the field's unit and the clearance
-    given to a point that is moved out of a disc [m]."""
+    given to a point that is moved out of an obstacle [m]."""
     first: Integers
     """(2 n + 1,) index of the first node of each track."""
     least: Array
     """(2, n) least distance to the goal of the nodes of each sense's track [m]."""
     nodes: Records
     """(m,) of NODE, in the order of their tracks and angles."""
+    shapes: Shapes
+    """What the discs bound; empty where every obstacle is a disc."""
 
 
 @compiled
@@ -61,12 +76,12 @@ def path_tree(
     """The tree of a tangent graph.
 
     Args:
-        scene: its discs.
+        scene: its obstacles.
         tracks: the graph.
         goal: (2,) [m].
         tolerance: by which a point may lie outside the bounds [m].
         unit: of the field [m].
-        clearance: given to a point that is moved out of a disc [m].
+        clearance: given to a point that is moved out of an obstacle [m].
     """
     n, m = len(scene.discs), len(tracks.angle)
     discs, frame, least = np.empty((4, n)), np.empty((4, 2)), np.empty((2, n))
@@ -100,7 +115,7 @@ def path_tree(
         if other not in (GOAL, WALL):
             kept.at, kept.track = tracks.angle[other], tracks.track[other]
             kept.next = place[tracks.leave[other]]
-    return PathTree(discs, frame, first, least, nodes)
+    return PathTree(discs, frame, first, least, nodes, scene.shapes)
 
 
 @compiled
@@ -121,9 +136,13 @@ def _following(tree: PathTree, track: int, at: float) -> int:
 
 @compiled
 def _is_clear(
-    x: float, y: float, ux: float, uy: float, length: float, discs: Array, i: int
+    x: float, y: float, ux: float, uy: float, length: float, tree: PathTree, i: int
 ) -> bool:
-    """Whether a line from (x, y) in a unit direction meets no disc except `i`, which it touches."""
+    """Whether a line from (x, y) in a unit direction meets no obstacle except `i`.
+
+    The line touches that one.
+    """
+    discs, shapes = tree.discs, tree.shapes
     hits = 0
     for k in range(discs.shape[1]):
         dx, dy = discs[0, k] - x, discs[1, k] - y
@@ -131,13 +150,22 @@ def _is_clear(
         beyond = max(-along, along - length)
         beyond = beyond if beyond > 0.0 else 0.0
         hits += (beside * beside + beyond * beyond < discs[3, k] * discs[3, k]) & (k != i)
-    return hits == 0
+    if hits == 0 or len(shapes.first) == 0:
+        return hits == 0
+    for k in range(discs.shape[1]):
+        dx, dy = discs[0, k] - x, discs[1, k] - y
+        beside, along = dx * uy - dy * ux, dx * ux + dy * uy
+        beyond = max(-along, along - length, 0.0)
+        near = beside * beside + beyond * beyond < discs[3, k] * discs[3, k] and k != i
+        if near and (is_disc(shapes, k) or enters(x, y, ux, uy, length, shapes, k)):
+            return False
+    return True
 
 
 @compiled
 def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
-    """Fill bounds (2, n) of paths from a point by each track [m]; count discs that hold it."""
-    discs, least = tree.discs, tree.least
+    """Fill bounds (2, n) of paths from a point by each track [m]; count obstacles that hold it."""
+    discs, least, shapes = tree.discs, tree.least, tree.shapes
     within = 0
     for k in range(discs.shape[1]):
         dx, dy, radius = discs[0, k] - x, discs[1, k] - y, discs[2, k]
@@ -146,6 +174,15 @@ def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
         tangential = np.sqrt(beyond if beyond > 0.0 else 0.0)
         bounds[0, k], bounds[1, k] = tangential + least[0, k], tangential + least[1, k]
         within += np.sqrt(square) < radius
+    for k in range(len(shapes.first) - 1):
+        if is_disc(shapes, k):
+            continue
+        dx, dy, radius = discs[0, k] - x, discs[1, k] - y, discs[2, k]
+        apart = np.sqrt(dx * dx + dy * dy)
+        beside = max(apart - radius, 0.0)
+        bounds[0, k], bounds[1, k] = beside + least[0, k], beside + least[1, k]
+        if apart < radius and nearest_feature(shapes, k, x, y).distance >= shapes.radii[k]:
+            within -= 1
     return within
 
 
@@ -153,26 +190,40 @@ def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
 def _by_track(
     tree: PathTree, x: float, y: float, side: int, i: int, best: _Departure
 ) -> _Departure:
-    """The path around a disc on one side, if it is free and shorter than the best so far."""
-    discs, sense, track = tree.discs, 1.0 - 2.0 * side, 2 * i + side
-    line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
-    at = angle(sense, ux, uy)
+    """The path around an obstacle on one side, if it is free and shorter than the best so far."""
+    discs, shapes, sense, track = tree.discs, tree.shapes, 1.0 - 2.0 * side, 2 * i + side
+    if is_disc(shapes, i):
+        line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
+        at = angle(sense, ux, uy)
+    else:
+        margin = shapes.radii[i] - shapes.reach[i]
+        line, ux, uy, at = tangent_to_shape(shapes, margin, track, x, y)
     node = _following(tree, track, at)
     if node < 0:
         return best
     there = tree.nodes[node]
-    length = line + discs[2, i] * sweep(at, there.angle) + there.togo
-    if length < best[0] and _is_clear(x, y, ux, uy, line, discs, i):
+    length = line + _arc(tree, track, at, there.angle) + there.togo
+    if length < best[0] and _is_clear(x, y, ux, uy, line, tree, i):
         return length, ux, uy, track, at, line
     return best
 
 
 @compiled
+def _arc(tree: PathTree, track: int, before: float, after: float) -> float:
+    """Length of a track between two angles [m]."""
+    i, turn = track // 2, sweep(before, after)
+    if is_disc(tree.shapes, i):
+        return float(tree.discs[2, i] * turn)
+    straight = straight_parts(tree.shapes, track, before, after)
+    return float(tree.shapes.radii[i] * turn + straight)
+
+
+@compiled
 def _departure(tree: PathTree, x: float, y: float, bounds: Array) -> _Departure:
-    """How the shortest path from a point in no disc to the goal leaves it.
+    """How the shortest path from a point in no obstacle to the goal leaves it.
 
     As `ferguson_gym.shortest_paths.departures.shortest_departure`, with what `_bound` has filled.
-    Sides of discs are tried in the order of their bounds until one leads to the goal, then all
+    Sides of obstacles are tried in the order of their bounds until one leads to the goal, then all
     whose bound is less than the best length: a search for the least bound would take longer.
     """
     discs, frame = tree.discs, tree.frame
@@ -183,7 +234,7 @@ def _departure(tree: PathTree, x: float, y: float, bounds: Array) -> _Departure:
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return 0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0
-    if _is_clear(x, y, dx / distance, dy / distance, distance, discs, -1):
+    if _is_clear(x, y, dx / distance, dy / distance, distance, tree, -1):
         return distance, dx / distance, dy / distance, STRAIGHT, 0.0, distance
     while best[0] == np.inf:
         bound, side, i = np.inf, -1, -1
@@ -226,12 +277,12 @@ def _on_line(
 @compiled
 def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places: Array) -> float:
     """As `look_ahead`, from one point; returns the length of the path [m]."""
-    discs, frame = tree.discs, tree.frame
+    discs, frame, shapes = tree.discs, tree.frame, tree.shapes
     unit = frame[3, 0]
     bounds = np.empty((2, discs.shape[1]))
     x, y = from_x, from_y
     if _bound(tree, x, y, bounds) > 0:
-        x, y, _ = outside(x, y, discs[:2], discs[2], frame[3, 1])
+        x, y, _ = outside(x, y, Solids(discs[:2], discs[2], shapes), frame[3, 1])
         if _bound(tree, x, y, bounds) > 0:
             return np.inf
     length, ux, uy, track, at, line = _departure(tree, x, y, bounds)
@@ -247,14 +298,21 @@ def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places
     node = _following(tree, track, at) if track >= 0 else -1
     while node >= 0 and number < len(distances):
         leave, begin = tree.nodes[node], end
-        x, y, radius = discs[0, track // 2], discs[1, track // 2], discs[2, track // 2]
-        sense = 1.0 - 2.0 * (track % 2)
-        end = begin + radius * sweep(at, leave.angle)
+        i, sense = track // 2, 1.0 - 2.0 * (track % 2)
+        x, y, radius = discs[0, i], discs[1, i], discs[2, i]
+        end = begin + _arc(tree, track, at, leave.angle)
         while number < len(distances) and unit * distances[number] <= end:
-            there = at + (unit * distances[number] - begin) / radius
-            places[number, 0] = x + radius * math.cos(there)
-            places[number, 1] = y + sense * radius * math.sin(there)
+            ahead = unit * distances[number] - begin
+            if is_disc(shapes, i):
+                there = at + ahead / radius
+                places[number, 0] = x + radius * math.cos(there)
+                places[number, 1] = y + sense * radius * math.sin(there)
+            else:
+                places[number, 0], places[number, 1] = along_boundary(shapes, track, at, ahead)
             number += 1
+        if not is_disc(shapes, i):
+            c = corner_at(shapes, i, leave.angle if sense > 0.0 else TWO_PI - leave.angle)
+            x, y, radius = shapes.corners[c].x, shapes.corners[c].y, shapes.radii[i]
         cos, sin = math.cos(leave.angle), math.sin(leave.angle)
         x, y, begin, end = x + radius * cos, y + sense * radius * sin, end, end + leave.line
         number = _on_line(x, y, -sin, sense * cos, begin, end, unit, distances, places, number)
@@ -269,7 +327,7 @@ def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places
 def look_ahead(tree: PathTree, points: Array, distances: Array, places: Array, togo: Array) -> None:
     """Points ahead on the shortest paths from some points, and the paths' lengths.
 
-    A point within a disc is moved out of it first, and the way there counts.
+    A point within an obstacle is moved out of it first, and the way there counts.
 
     Args:
         tree: of the field.
@@ -287,13 +345,16 @@ class Forest(NamedTuple):
     """Many trees, one behind the other."""
 
     parts: Integers
-    """(trees, 4) number of discs of each, and where its parts begin in the next three."""
+    """(trees, 6) number of obstacles of each, and where its parts begin in the next three; number
+    of corners, 0 if its obstacles are discs, and where these begin."""
     numbers: Array
-    """`discs`, `least` and `frame`."""
+    """`discs`, `least` and `frame`, and `radii` and `reach` of shapes."""
     first: Integers
-    """`first` of each."""
+    """`first` of each, and that of shapes."""
     nodes: Records
     """`nodes` of each."""
+    corners: Records
+    """`corners` of shapes of each."""
 
 
 @compiled
@@ -310,15 +371,24 @@ def look_ahead_each(
         togo[i] = np.inf
         if which[i] < 0:
             continue
-        n, begin, first, node = forest.parts[which[i]]
+        n, begin, first, node, number, corner = forest.parts[which[i]]
         least, frame = begin + 4 * n, begin + 6 * n
+        radii, shape = frame + 8, first + 2 * n + 1
         until = forest.first[first + 2 * n]
+        shaped = n if number > 0 else 0
+        shapes = Shapes(
+            forest.first[shape : shape + (n + 1 if number > 0 else 0)],
+            forest.corners[corner : corner + number],
+            forest.numbers[radii : radii + shaped],
+            forest.numbers[radii + shaped : radii + 2 * shaped],
+        )
         tree = PathTree(
             forest.numbers[begin:least].reshape(4, n),
             forest.numbers[frame : frame + 8].reshape(4, 2),
             forest.first[first : first + 2 * n + 1],
             forest.numbers[least:frame].reshape(2, n),
             forest.nodes[node : node + until],
+            shapes,
         )
         along = distances[i % len(distances)]
         togo[i] = _look(tree, points[i, 0], points[i, 1], along, places[i])

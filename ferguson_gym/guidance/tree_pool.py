@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym.guidance.path_tree import NODE, Forest, PathTree, look_ahead_each
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.shortest_paths.shapes import Integers
+from ferguson_gym.shortest_paths.shapes import CORNER, Integers
 
 A = TypeVar("A", bound=NDArray[Any])
 
@@ -26,8 +26,9 @@ class TreePool:
     def clear(self) -> None:
         """Forget all trees."""
         numbers, first, nodes = np.empty(4096), np.empty(1024, np.int64), np.empty(1024, NODE)
-        self._forest = Forest(np.empty((64, 4), np.int64), numbers, first, nodes)
-        self._number, self._used = 0, [0, 0, 0]
+        corners = np.empty(64, CORNER)
+        self._forest = Forest(np.empty((64, 6), np.int64), numbers, first, nodes, corners)
+        self._number, self._used = 0, [0, 0, 0, 0]
 
     def __len__(self) -> int:
         return self._number
@@ -39,19 +40,24 @@ class TreePool:
 
     def add(self, tree: PathTree) -> int:
         """Keep a tree; returns its number, which holds until `clear`."""
-        numbers = np.concatenate([tree.discs.ravel(), tree.least.ravel(), tree.frame.ravel()])
-        parts, old_numbers, old_first, old_nodes = self._forest
-        at_numbers, at_first, at_nodes = self._used
+        shapes, old = tree.shapes, self._forest
+        parts = (tree.discs, tree.least, tree.frame, shapes.radii, shapes.reach)
+        numbers = np.concatenate([part.ravel() for part in parts])
+        first = np.concatenate([tree.first, shapes.first])
+        at_numbers, at_first, at_nodes, at_corners = self._used
+        row = [tree.discs.shape[1], at_numbers, at_first, at_nodes, len(shapes.corners), at_corners]
         self._forest = Forest(
-            _with(parts, self._number, np.array([[tree.discs.shape[1], *self._used]])),
-            _with(old_numbers, at_numbers, numbers),
-            _with(old_first, at_first, tree.first),
-            _with(old_nodes, at_nodes, tree.nodes),
+            _with(old.parts, self._number, np.array([row])),
+            _with(old.numbers, at_numbers, numbers),
+            _with(old.first, at_first, first),
+            _with(old.nodes, at_nodes, tree.nodes),
+            _with(old.corners, at_corners, shapes.corners),
         )
         self._used = [
             at_numbers + len(numbers),
-            at_first + len(tree.first),
+            at_first + len(first),
             at_nodes + len(tree.nodes),
+            at_corners + len(shapes.corners),
         ]
         self._number += 1
         return self._number - 1

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
+from ferguson_gym.guidance.margins import OUTSIDE, Solids, outside, solids, surroundings
 from ferguson_gym.guidance.path_tree import PathTree, look_ahead, path_tree
 from ferguson_gym.runtime.arrays import Array, finite
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field
 
 
 class _Paths(NamedTuple):
@@ -20,21 +20,22 @@ class _Paths(NamedTuple):
     togo: DistanceToGoal
     tree: PathTree | None
     """All of them; None among many discs, where each path is searched for."""
+    solids: Solids
+    """What a point is moved out of."""
 
 
 class Way:
     """Points ahead on the shortest path that keeps a margin, and the distance to go along it.
 
-    Discs are grown by the margin, or by less where that would close a passage as wide as the
+    Obstacles are grown by the margin, or by less where that would close a passage as wide as the
     margin; from within a margin the way leads out of it first. Where no way keeps margins, it is
     the shortest path itself.
 
     Args:
-        field: of discs in the plane.
-        margin: kept from discs where there is room [units of the field].
+        field: in the plane.
+        margin: kept from obstacles where there is room [units of the field].
 
     Raises:
-        TypeError: obstacles other than discs.
         ValueError: a field that is not planar.
     """
 
@@ -77,11 +78,10 @@ class Way:
         if paths.tree is not None:
             look_ahead(paths.tree, points, distances, places, togo)
             return places, togo
-        discs, unit = planar_discs(paths.togo.field), self._field.limits.unit
-        columns = np.ascontiguousarray(discs.centers.T)
+        unit = self._field.limits.unit
         for i, point in enumerate(points):
             shown = unit * distances[i % len(distances)]
-            x, y, found = outside(point[0], point[1], columns, discs.radii, OUTSIDE * unit)
+            x, y, found = outside(point[0], point[1], paths.solids, OUTSIDE * unit)
             path = paths.togo.path((x, y)) if found else None
             if path is None:
                 togo[i] = np.inf
@@ -96,7 +96,7 @@ class Way:
 
 
 def _paths(togo: DistanceToGoal) -> _Paths:
-    return _Paths(togo, tree_of(togo))
+    return _Paths(togo, tree_of(togo), solids(togo.field.obstacles))
 
 
 def with_margin(field: Field, margin: float) -> DistanceToGoal:

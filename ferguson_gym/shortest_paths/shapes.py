@@ -29,6 +29,8 @@ TWO_PI = 2.0 * math.pi
 _STEP = 2.0**-46
 """Angle between an edge's end and a wall on it [rad]: far above rounding, and far below what a
 corner turns by."""
+_ROUNDING = 1e-9
+"""An angle less than this short of a full turn is none, but for rounding [rad]."""
 
 CORNER = np.dtype(
     [
@@ -191,6 +193,35 @@ def straight_parts(shapes: Shapes, track: int, before: float, after: float) -> f
     length: float = _passed(shapes, track, after) - _passed(shapes, track, before)
     end = shapes.first[track // 2 + 1]
     return length if after >= before else length + shapes.corners[end - 1].along
+
+
+@compiled
+def along_boundary(shapes: Shapes, track: int, at: float, distance: float) -> tuple[float, float]:
+    """The point of a track at a distance [m] ahead of an angle in [0, 2 pi)."""
+    i, sense = track // 2, 1.0 - 2.0 * (track % 2)
+    radius, angle = shapes.radii[i], at if sense > 0.0 else TWO_PI - at
+    c = corner_at(shapes, i, angle)
+    for _ in range(2 * (shapes.first[i + 1] - shapes.first[i]) + 1):
+        corner = shapes.corners[c]
+        ahead = end_of(shapes, i, c) if sense > 0.0 else corner.begin
+        turn = sense * (ahead - angle) % TWO_PI
+        turn = turn if turn < TWO_PI - _ROUNDING else 0.0
+        if distance < radius * turn:
+            there = angle + sense * distance / radius
+            return corner.x + radius * math.cos(there), corner.y + radius * math.sin(there)
+        distance -= radius * turn
+        other = next_corner(shapes, i, c) if sense > 0.0 else last_corner(shapes, i, c)
+        edge = shapes.corners[other if sense > 0.0 else c]
+        if distance < edge.size:
+            ahead = sense * distance
+            return (
+                corner.x + radius * edge.nx - ahead * edge.ny,
+                corner.y + radius * edge.ny + ahead * edge.nx,
+            )
+        distance -= edge.size
+        c = other
+        angle = shapes.corners[c].begin if sense > 0.0 else end_of(shapes, i, c)
+    return shapes.corners[c].x, shapes.corners[c].y
 
 
 @compiled

@@ -92,6 +92,10 @@ def point_of(scene: Scene, track: int, at: float) -> tuple[float, float]:
     return x + radius * np.cos(at), y + sense * radius * np.sin(at)
 
 
+_CONTACT = 1e-3
+"""Distance at which a point counts as on a boundary, in margins: far above rounding."""
+
+
 class Touch(NamedTuple):
     """A tangent from a point to a track."""
 
@@ -115,25 +119,31 @@ def tangent_from(scene: Scene, track: int, x: float, y: float) -> Touch:
     if is_disc(shapes, track // 2):
         length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
         return Touch(length, ux, uy, angle(sense, ux, uy))
-    i, radius = track // 2, shapes.radii[track // 2]
-    near = nearest_feature(shapes, i, x, y)
+    return tangent_to_shape(shapes, scene.margin, track, x, y)
+
+
+@compiled
+def tangent_to_shape(shapes: Shapes, margin: float, track: int, x: float, y: float) -> Touch:
+    """As `tangent_from`, to the track of an obstacle that is no disc."""
+    i, sense, radius = track // 2, 1.0 - 2.0 * (track % 2), shapes.radii[track // 2]
+    near, contact = nearest_feature(shapes, i, x, y), _CONTACT * margin
     c = near.corner
-    if near.distance - radius > scene.margin:
+    if near.distance - radius > contact:
         c = _touched(shapes, i, c, sense, x, y)
     elif near.is_edge:
         if sense < 0.0:
             c = last_corner(shapes, i, c)
         at = shapes.corners[c].begin if sense > 0.0 else -end_of(shapes, i, c) % TWO_PI
-        return _to_corner(scene, track, c, at, x, y)
-    elif radius <= scene.margin:
+        return _to_corner(shapes, contact, track, c, at, x, y)
+    elif radius <= margin:
         # lines from a point on a corner replace those that leave the corner
         at = end_of(shapes, i, c) if sense > 0.0 else -shapes.corners[c].begin % TWO_PI
-        return _to_corner(scene, track, c, at, x, y)
+        return _to_corner(shapes, contact, track, c, at, x, y)
     corner = shapes.corners[c]
     length, ux, uy = tangent(corner.x - x, corner.y - y, sense * radius)
     at = corner_angle(shapes, i, c, sense, ux, uy)
-    if near.distance - radius <= scene.margin and at != angle(sense, ux, uy):
-        return _to_corner(scene, track, c, at, x, y)
+    if near.distance - radius <= contact and at != angle(sense, ux, uy):
+        return _to_corner(shapes, contact, track, c, at, x, y)
     return Touch(length, ux, uy, at)
 
 
@@ -157,13 +167,15 @@ def _touched(shapes: Shapes, i: int, nearest: int, sense: float, x: float, y: fl
 
 
 @compiled
-def _to_corner(scene: Scene, track: int, corner: int, at: float, x: float, y: float) -> Touch:
+def _to_corner(
+    shapes: Shapes, contact: float, track: int, corner: int, at: float, x: float, y: float
+) -> Touch:
     """The line from a point to a track at an angle within the range of a corner."""
-    shapes, sense = scene.shapes, 1.0 - 2.0 * (track % 2)
+    sense = 1.0 - 2.0 * (track % 2)
     q, radius = shapes.corners[corner], shapes.radii[track // 2]
     dx = q.x + radius * math.cos(at) - x
     dy = q.y + sense * radius * math.sin(at) - y
     length = np.sqrt(dx * dx + dy * dy)
-    if length > scene.margin:
+    if length > contact:
         return Touch(length, dx / length, dy / length, at)
     return Touch(length, -math.sin(at), sense * math.cos(at), at)

@@ -300,15 +300,3 @@ def planar_obstacles(field: Field) -> Obstacles:
     if dimension != 2:
         raise ValueError(f"flights are planar, field {field.name} has {dimension} dimensions")
     return field.obstacles
-
-
-def planar_discs(field: Field) -> Obstacles:
-    """The obstacles of a field, if they are discs in the plane.
-
-    Raises:
-        TypeError: obstacles other than discs.
-        ValueError: a field that is not planar.
-    """
-    if not (obstacles := planar_obstacles(field)).are_discs:
-        raise TypeError(f"field {field.name} has obstacles other than discs, which this cannot use")
-    return obstacles

@@ -11,27 +11,28 @@ from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import Departure, shortest_departure
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.scene import Scene
+from ferguson_gym.shortest_paths.shapes import is_disc, nearest_feature
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 
 _OUTSIDE = 1e-6
-"""Clearance given to a point that is moved out of a disc [m]."""
+"""Clearance given to a point that is moved out of an obstacle [m]."""
 _MIN_RADIUS = 0.5
 """Lower bound on the radius of curvature of the distance's level lines [m]."""
 _NO_PATH = 1e3
 """The least cost-to-go assumed where no path leads to the goal [m]."""
 _MAX_MOVES = 8
-"""Maximum number of moves of a point out of discs that overlap."""
+"""Maximum number of moves of a point out of obstacles that overlap."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToGoObjective:
     """l + D(P): the chain's length, plus that of the shortest path from its end to the goal [m].
 
-    The end of an infeasible chain may lie in a disc or outside the bounds. It is then moved out,
-    and D is the distance moved plus the cost-to-go from there; the derivatives are those of D at
-    the moved point, an approximation. If no path is found, D is 1000 m, or five times the field's
-    straight distance if that is more, with zero derivatives. Where two paths are equally short D
-    has a kink, and the derivatives are those of one of them.
+    The end of an infeasible chain may lie in an obstacle or outside the bounds. It is then moved
+    out, and D is the distance moved plus the cost-to-go from there; the derivatives are those of D
+    at the moved point, an approximation. If no path is found, D is 1000 m, or five times the
+    field's straight distance if that is more, with zero derivatives. Where two paths are equally
+    short D has a kink, and the derivatives are those of one of them.
     """
 
     togo: DistanceToGoal
@@ -57,28 +58,37 @@ class ToGoObjective:
         for _ in range(_MAX_MOVES):
             if way.distance < np.inf:
                 break
-            near = _out_of_discs(togo.scene, *near)
+            near = _out_of_obstacles(togo.scene, *near)
             way = togo.departure(*near)
         return _expand(length, float(end[0]), float(end[1]), *near, way, blocked)
 
 
 @compiled
-def _out_of_discs(scene: Scene, x: float, y: float) -> tuple[float, float]:
-    """The point itself or, if it lies in discs, the nearest point outside of the deepest one."""
-    discs, box = scene.discs, scene.box
+def _out_of_obstacles(scene: Scene, x: float, y: float) -> tuple[float, float]:
+    """The point itself or, if obstacles hold it, the nearest point outside of the deepest one."""
+    discs, box, shapes = scene.discs, scene.box, scene.shapes
     x, y = min(max(x, box[0, 0]), box[1, 0]), min(max(y, box[0, 1]), box[1, 1])
     deepest, depth = -1, 0.0
     for k in range(len(discs)):
         disc = discs[k]
         inside = disc.radius - np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
+        if inside > depth and not is_disc(shapes, k):
+            inside = shapes.radii[k] - nearest_feature(shapes, k, x, y).distance
         if inside > depth:
             deepest, depth = k, inside
     if deepest < 0:
         return x, y
     disc = discs[deepest]
-    dx, dy = x - disc.x, y - disc.y
-    stretch = (disc.radius + _OUTSIDE) / max(np.sqrt(dx * dx + dy * dy), _OUTSIDE)
-    return disc.x + stretch * dx, disc.y + stretch * dy
+    center_x, center_y, radius = disc.x, disc.y, disc.radius
+    if not is_disc(shapes, deepest):
+        near, radius = nearest_feature(shapes, deepest, x, y), shapes.radii[deepest]
+        corner = shapes.corners[near.corner]
+        center_x, center_y = corner.x, corner.y
+        if near.is_edge:
+            return x + (depth + _OUTSIDE) * corner.nx, y + (depth + _OUTSIDE) * corner.ny
+    dx, dy = x - center_x, y - center_y
+    stretch = (radius + _OUTSIDE) / max(np.sqrt(dx * dx + dy * dy), _OUTSIDE)
+    return center_x + stretch * dx, center_y + stretch * dy
 
 
 @compiled
@@ -98,7 +108,7 @@ def _expand_by_graph(
     for _ in range(_MAX_MOVES):
         if way.distance < np.inf:
             break
-        near_x, near_y = _out_of_discs(scene, near_x, near_y)
+        near_x, near_y = _out_of_obstacles(scene, near_x, near_y)
         way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
     return _expand(length, x, y, near_x, near_y, way, blocked)
 

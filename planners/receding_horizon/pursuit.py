@@ -20,11 +20,11 @@ from typing import ClassVar
 
 import numpy as np
 
-from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
+from ferguson_gym.guidance.margins import OUTSIDE, outside, solids, surroundings
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import DistanceToGoal, ShortestPath
 from ferguson_gym.world import is_feasible, transition
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field, planar_obstacles
 from planners.interface import Decision, Knowledge, Replanner, State, WindowReport
 from planners.receding_horizon.guided import Guided, is_tight
 from planners.rescaling import decided_in_image
@@ -47,9 +47,9 @@ class Pursuit(StepByStep):
     knows: ClassVar[Knowledge] = Knowledge.WHOLE_FIELD
 
     margin: float = 0.8
-    """Distance kept from each disc where neighbouring discs leave enough room [m]."""
+    """Distance kept from each obstacle where its neighbours leave enough room [m]."""
     narrowest: float = 0.8
-    """The margin never closes passages at least this wide [m]; discs beside them are grown less."""
+    """The margin never closes passages at least this wide [m]; obstacles beside them grow less."""
     stride: float = 7.0
     """Approximate length of segments [m]; a whole number of them ends on the goal."""
     others: tuple[float, ...] = (5.25, 9.0, 4.0)
@@ -69,7 +69,6 @@ class Pursuit(StepByStep):
         """Choose the next segment and a tentative second one; the seed has no effect.
 
         Raises:
-            TypeError: obstacles other than discs.
             ValueError: a field that is not planar.
         """
         began = time.perf_counter()
@@ -101,15 +100,14 @@ class Pursuit(StepByStep):
     def _path(self, field: Field, position: Array) -> ShortestPath | None:
         """The shortest path from the nearest point outside all margins; None if there is none."""
         margins, togo = surroundings(field, self.margin, self.narrowest)
-        grown, (x, y) = planar_discs(togo.field), position.tolist()
-        columns = np.ascontiguousarray(grown.centers.T)
-        x, y, found = outside(x, y, columns, grown.radii, OUTSIDE)
+        x, y = position.tolist()
+        x, y, found = outside(x, y, solids(togo.field.obstacles), OUTSIDE)
         path = togo.path((x, y)) if found else None
         if path is not None:
             return path
-        discs = planar_discs(field)
-        room = np.clip(discs.signed_distance(position) - OUTSIDE, 0.0, margins)
-        return DistanceToGoal(replace(field, obstacles=discs.grown(room))).path(position)
+        obstacles = planar_obstacles(field)
+        room = np.clip(obstacles.signed_distance(position) - OUTSIDE, 0.0, margins)
+        return DistanceToGoal(replace(field, obstacles=obstacles.grown(room))).path(position)
 
 
 def _along(vehicle: transition.State, points: Array, stride: float, number: int) -> Array:

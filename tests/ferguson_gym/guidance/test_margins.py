@@ -6,12 +6,14 @@ import tracemalloc
 
 import numpy as np
 import pytest
+import shapely
 
-from ferguson_gym.guidance.margins import OUTSIDE, outside, surroundings
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.guidance.margins import OUTSIDE, outside, solids, surroundings
+from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Obstacles
 from tests.support.scaled_fields import Motion
+from tests.support.visibility import random_mixture
 
 
 def beside_the_diagonal(*places: tuple[float, float, float]) -> Field:
@@ -23,7 +25,7 @@ def beside_the_diagonal(*places: tuple[float, float, float]) -> Field:
 
 def margins_by_every_pair(field: Field, margin: float, narrowest: float) -> np.ndarray:
     """The margins from a table of the gaps between all pairs of discs."""
-    discs = planar_discs(field)
+    discs = field.obstacles
     apart = np.linalg.norm(discs.centers[:, None] - discs.centers, axis=-1)
     gaps = apart - discs.radii[:, None] - discs.radii
     np.fill_diagonal(gaps, np.inf)
@@ -39,6 +41,22 @@ def test_margins_are_those_from_every_pair(name: str, margin: float, narrowest: 
     field = get_field(name)
     expected = margins_by_every_pair(field, margin, narrowest)
     np.testing.assert_array_equal(surroundings(field, margin, narrowest).margins, expected)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_margins_of_every_shape_are_those_from_every_pair(seed: int) -> None:
+    field = random_mixture(seed)
+    every = field.obstacles
+    cores = [shapely.multipoints(every.core(k)).convex_hull for k in range(len(every))]
+    gaps = shapely.distance(np.array(cores)[:, None], np.array(cores))
+    gaps -= every.radii[:, None] + every.radii
+    gaps[gaps < 0.8] = np.inf
+    np.fill_diagonal(gaps, np.inf)
+    room = every.signed_distance(np.stack([field.start, field.goal])).min(axis=0)
+    expected = np.clip(np.minimum(0.45 * gaps.min(axis=1), room - 1e-7), 0.0, 3.0)
+    margins, togo = surroundings(field, 3.0, 0.8)
+    np.testing.assert_allclose(margins, expected, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(togo.field.obstacles.radii, every.radii + margins)
 
 
 def test_among_thousands_of_discs_margins_take_no_table_of_pairs() -> None:
@@ -83,7 +101,7 @@ def test_without_a_margin_and_without_discs_nothing_grows() -> None:
     field = get_field("dense/train:1")
     margins, togo = surroundings(field, 0.0, 0.0)
     assert not margins.any()
-    np.testing.assert_array_equal(planar_discs(togo.field).radii, planar_discs(field).radii)
+    np.testing.assert_array_equal(togo.field.obstacles.radii, field.obstacles.radii)
     assert (
         len(surroundings(Field(name="open", obstacles=Obstacles.discs([], [])), 0.8, 0.8).margins)
         == 0
@@ -92,7 +110,7 @@ def test_without_a_margin_and_without_discs_nothing_grows() -> None:
 
 def moved(x: float, y: float, *discs: tuple[float, float, float]) -> tuple[float, float, bool]:
     each = np.array(discs).reshape(-1, 3)
-    return outside(x, y, np.ascontiguousarray(each[:, :2].T), each[:, 2].copy(), OUTSIDE)
+    return outside(x, y, solids(Obstacles.discs(each[:, :2], each[:, 2])), OUTSIDE)
 
 
 def test_points_in_no_disc_stay_and_others_leave_by_the_nearest_way() -> None:
@@ -113,3 +131,22 @@ def test_a_point_leaves_discs_that_overlap_and_the_centre_of_one() -> None:
 
 def test_a_point_on_the_line_of_two_centres_that_goes_to_and_fro_finds_no_way_out() -> None:
     assert not moved(1.25, 0.0, (0.0, 0.0, 2.0), (2.5, 0.0, 2.0))[2]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_points_leave_obstacles_of_every_shape_by_the_nearest_way(seed: int) -> None:
+    every = random_mixture(seed).obstacles
+    for k in range(len(every)):
+        one = every.only_these(np.array([k]))
+        (center,), (radius,) = one.balls
+        points = np.random.default_rng(k).uniform(center - radius, center + radius, (30, 2))
+        for x, y in points.tolist():
+            depth = one.signed_distance(np.array([x, y]))[0]
+            there_x, there_y, found = outside(x, y, solids(one), OUTSIDE)
+            assert found
+            moved = np.hypot(there_x - x, there_y - y)
+            if depth >= 0.0:
+                assert moved == 0.0
+            else:
+                assert one.signed_distance(np.array([there_x, there_y]))[0] > 0.5 * OUTSIDE
+                assert moved == pytest.approx(OUTSIDE - depth, abs=1e-9)

@@ -12,6 +12,7 @@ from ferguson_gym.guidance.way import Way, tree_of, with_margin
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Obstacles
+from tests.support.visibility import random_mixture
 
 SHOWN = np.array([1.0, 12.0, 40.0])
 
@@ -27,6 +28,7 @@ def test_a_pool_that_grows_gives_what_each_tree_gives_alone() -> None:
     suites = ("standard", "sparse", "traps", "dense")
     fields = [get_field(f"{suites[k % 4]}/train:{k}") for k in range(70)]
     fields[7] = Field(name="open", obstacles=Obstacles.discs([], []))
+    fields[::3] = [random_mixture(k) for k in range(24)]
     assert [pool.add(made(field)) for field in fields] == list(range(70))
     assert len(pool) == 70
     which = np.append(stream.integers(70, size=200), 7)
@@ -38,7 +40,7 @@ def test_a_pool_that_grows_gives_what_each_tree_gives_alone() -> None:
         alone, length = Way(fields[number], 0.8).ahead(points[k : k + 1], SHOWN[None])
         np.testing.assert_array_equal(places[k], alone[0])
         assert togo[k] == length[0]
-    assert np.isfinite(togo).mean() > 0.9
+    assert np.isfinite(togo).mean() > 0.8
 
 
 def test_numbers_below_zero_have_no_way() -> None:

@@ -9,20 +9,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ferguson_gym.guidance.margins import outside
+from ferguson_gym.guidance.margins import outside, solids
 from ferguson_gym.guidance.way import Way, with_margin
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths import distance_to_goal
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.world.field import Field, planar_discs
+from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Obstacles
 from tests.support import taut_paths
 from tests.support.scaled_fields import Motion
+from tests.support.visibility import random_mixture
 
 SHOWN = np.array([0.5, 3.0, 10.0, 30.0, 80.0, 400.0])
 """Distances along the way, of which the last lies beyond every goal [m]."""
 NAMES = ["paper:2", "standard/train:1", "dense/train:2", "forest/train:1", "traps/train:0"]
+FIELDS = [*map(get_field, NAMES), *(random_mixture(seed) for seed in range(4))]
 OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
 ENCLOSED = Field(
     name="enclosed",
@@ -45,11 +47,10 @@ def far_from(field: Field, points: Array, least: float) -> Array:
 
 
 @pytest.mark.parametrize("margin", [0.0, 0.8, 3.0])
-@pytest.mark.parametrize("name", NAMES)
-def test_points_ahead_and_distances_are_those_of_the_path_among_grown_discs(
-    name: str, margin: float
+@pytest.mark.parametrize("field", FIELDS, ids=lambda field: field.name)
+def test_points_ahead_and_distances_are_those_of_the_path_among_grown_obstacles(
+    field: Field, margin: float
 ) -> None:
-    field = get_field(name)
     togo = with_margin(field, margin)
     points = random_points(60)
     points = points[far_from(togo.field, points, 1e-6)]
@@ -174,14 +175,13 @@ def test_distances_in_any_field_are_exact_or_those_of_the_nearest_free_point(
 ) -> None:
     kept, exact = with_margin(field, margin), DistanceToGoal(field)
     places, togo = Way(field, margin).ahead(np.array(points), SHOWN[None])
-    grown = planar_discs(kept.field)
-    columns = np.ascontiguousarray(grown.centers.T)
+    grown = solids(kept.field.obstacles)
     for point, spots, length in zip(np.array(points), places, togo, strict=True):
-        x, y, found = outside(*point.tolist(), columns, grown.radii, 1e-7)
+        x, y, found = outside(*point.tolist(), grown, 1e-7)
         expected = np.hypot(x - point[0], y - point[1]) + kept([[x, y]])[0][0]
         if not found or np.isinf(expected):
             truly = exact([point])[0][0]
-            near = len(field.obstacles) and planar_discs(field).signed_distance(point).min() < 1e-4
+            near = len(field.obstacles) and field.obstacles.signed_distance(point).min() < 1e-4
             assert near or length == pytest.approx(truly, abs=1e-6)
         else:
             assert length == pytest.approx(expected, abs=1e-6)
