@@ -18,7 +18,7 @@ def signed_distance(points: GenericArray, cores: Cores) -> GenericArray:
     """
     flat = np.ascontiguousarray(points.real, dtype=np.float64).reshape(-1, points.shape[-1])
     distance, normal = _distances(flat, cores, tuple(range(flat.shape[1])))
-    distance = distance.reshape(*points.shape[:-1], -1)
+    distance = distance.reshape(*points.shape[:-1], len(cores.radii))
     if not np.iscomplexobj(points):
         return distance
     normal = normal.reshape(*distance.shape, points.shape[-1])

@@ -110,6 +110,12 @@ def test_gradients_are_those_of_distances() -> None:
     assert np.quantile(difference, 0.99) < 1e-5  # it jumps inside, where two edges are as near
 
 
+def test_no_points_have_no_distances() -> None:
+    obstacles, none = mixed(0), np.empty((0, 2))
+    assert obstacles.signed_distance(none).shape == (0, len(obstacles))
+    assert obstacles.gradient(none).shape == (0, len(obstacles), 2)
+
+
 def test_points_are_free_outside_all_obstacles() -> None:
     obstacles, points = mixed(3), np.random.default_rng(4).uniform(0.0, 60.0, (500, 3, 2))
     expected = (obstacles.signed_distance(points) >= 0.0).all(axis=(1, 2))
