@@ -42,7 +42,7 @@ clean:
 	touch $@
 
 .venv/installed-dev: pyproject.toml constraints.txt | .venv/bin/python
-	$(PIP) --editable '.[dev,agents,cluster,demos,peers]'
+	$(PIP) --editable '.[dev,agents,cluster,demos,maps,peers]'
 	touch $@ .venv/installed-base
 
 .venv/installed-docs: pyproject.toml constraints.txt | .venv/bin/python

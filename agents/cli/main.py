@@ -124,7 +124,17 @@ def _warn(text: str) -> None:
 
 
 def _parser() -> argparse.ArgumentParser:
-    from agents.cli import animate, bench, compile_ahead, completion, demos, evaluate, plan, train
+    from agents.cli import (
+        animate,
+        bench,
+        compile_ahead,
+        completion,
+        demos,
+        evaluate,
+        import_fields,
+        plan,
+        train,
+    )
     from agents.cli.arguments import Parser
     from ferguson_gym import __version__
     from ferguson_gym.world.field_names import GRAMMAR
@@ -139,7 +149,7 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     modules = (plan, evaluate, animate, demos, train, bench)
     named = [(module.__name__.rpartition(".")[2], module) for module in modules]
-    for name, module in (*named, ("compile", compile_ahead)):
+    for name, module in (*named, ("import", import_fields), ("compile", compile_ahead)):
         texts = {"help": module.HELP, "description": module.DESCRIPTION, "epilog": module.EPILOG}
         module.add_to(commands.add_parser(name, **texts))
     return parser

@@ -50,16 +50,23 @@ def add_field_changes(command: Parser) -> None:
         help="grow all obstacles by the vehicle's radius, for planners and shortest paths alike; "
         "default: 0",
     )
-    names = [one.name for one in dataclasses.fields(Limits)]
+    add_limits(
+        command,
+        "change a limit of all fields: {names}; another longest also scales shortest, slowest, "
+        "gate and tolerance; may be given several times; default: the fields' own limits",
+    )
+
+
+def add_limits(command: Parser, text: str) -> None:
+    """Add `--limit`; its help text has the names of limits where it says `{names}`."""
+    names = ", ".join(one.name for one in dataclasses.fields(Limits))
     command.add_argument(
         "--limit",
         type=limit,
         action="append",
         default=[],
         metavar="NAME=VALUE",
-        help=f"change a limit of all fields: {', '.join(names)}; another longest also scales "
-        "shortest, slowest, gate and tolerance; may be given several times; default: the fields' "
-        "own limits",
+        help=text.format(names=names),
         complete=LIMIT,
     )
 
