@@ -83,7 +83,7 @@ def suites() -> Figure:
     for axes, suite in zip(every, SUITES, strict=False):
         field = get_field(f"{suite}/train:0")
         draw_field(axes, field)
-        if field.obstacles.are_discs and (path := shortest_path(field)) is not None:
+        if (path := shortest_path(field)) is not None:
             axes.plot(*path.points(0.5).T, color=HORIZON, lw=1.4, ls=":")
             axes.set_title(f"{field.name}, {path.length:.1f} m")
     return figure

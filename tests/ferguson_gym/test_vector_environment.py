@@ -16,7 +16,6 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.outcome import Outcome
 from ferguson_gym.world.suites import SUITES, suite_field
-from tests.support.suites import OF_DISCS
 
 FEW = 8
 """Fields that later resets draw from; each scalar environment holds its own."""
@@ -124,15 +123,8 @@ def fly_side_by_side(mine: VectorObstacleField, theirs: SyncVectorEnv, steps: in
     return {Outcome.from_code(code) for code in seen}
 
 
-@pytest.mark.parametrize(
-    ("suite", "kind"),
-    [
-        (suite, kind)
-        for suite in SUITES
-        for kind in KINDS
-        if kind != "way" or suite in OF_DISCS  # shortest paths are known among discs
-    ],
-)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("suite", SUITES)
 def test_every_suite_is_flown_as_by_scalar_environments(suite: str, kind: str) -> None:
     mode = AutoresetMode.NEXT_STEP if kind == "discs" else AutoresetMode.SAME_STEP
     envs = pair(5, mode, suite=suite, segments=9, **KINDS[kind])

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from ferguson_gym.shortest_paths import exact_length
 from ferguson_gym.world.field import from_json, to_json
 from ferguson_gym.world.recipes.town import MOST
 from ferguson_gym.world.suites import SPLITS, suite_field
@@ -29,7 +30,9 @@ def test_every_town_follows_its_recipe(split):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_streets_lead_through_the_town(seed):
-    assert leads_through(suite_field("town", "validation", seed), 2.0)
+    field = suite_field("town", "validation", seed)
+    assert leads_through(field, 2.0)
+    assert 100.0 * 2.0**0.5 <= exact_length(field) < 160.0
 
 
 def test_buildings_are_rectangles_of_one_town_or_askew_in_their_blocks():

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
+from ferguson_gym.shortest_paths import exact_length
 from ferguson_gym.world.recipes.walls import MOST
 from ferguson_gym.world.suites import SPLITS, suite_field
 from tests.ferguson_gym.world.recipes.test_town import leads_through
@@ -34,6 +35,7 @@ def test_every_field_of_walls_follows_its_recipe(split):
 def test_doors_lead_from_start_to_goal_but_not_straight(seed):
     field = suite_field("walls", "validation", seed)
     assert leads_through(field, 2.0)
+    assert 100.0 * 2.0**0.5 < exact_length(field) < 190.0
     straight = np.linspace(field.start, field.goal, 2000)
     assert field.obstacles.signed_distance(straight).min() < 0.0
 
