@@ -97,7 +97,7 @@ class Shield:
         None ends the flight: the planner finds no segment and the agent's is not feasible.
 
         Raises:
-            TypeError: the field has obstacles other than planar discs.
+            TypeError: the field is not planar.
         """
         began = time.perf_counter()
         state = State(vehicle) if self._last is None else successor(*self._last, vehicle)

@@ -13,11 +13,14 @@ from gymnasium.vector import AutoresetMode
 
 import ferguson_gym
 from ferguson_gym.environment import ObstacleField
+from ferguson_gym.guidance.way import Way
+from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.simulation.observe import observe_one
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.simulated_rollouts import SimulatedRollouts
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
+from ferguson_gym.world.field_names import get_field
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import advance, initial_state
 
@@ -198,6 +201,41 @@ def test_flights_among_shapes_are_rendered(mode: str) -> None:
     rendered = envs.render()
     assert rendered is not None
     np.testing.assert_array_equal(rendered[0], rendered[1])
+
+
+@pytest.mark.parametrize("progress", ["straight", "way"])
+def test_the_way_is_shown_and_measures_progress_among_shapes(progress: str) -> None:
+    fields = [shaped(13, 8), get_field("town/train:1"), get_field("walls/train:1")]
+    arguments: dict[str, Any] = {"way": 6, "margin": 0.5, "progress": progress, "reference": True}
+    envs = VectorObstacleField(3, "Disabled", capacity=100, **BOTH, **arguments)
+    shown, infos = envs.reset(options={"field": fields})
+    for i, field in enumerate(fields):
+        assert infos["shortest"][i] == exact_length(field)
+        alone, way = ObstacleField(**BOTH, **arguments), Way(field, 0.5)
+        one, _ = alone.reset(options={"field": field})
+        same({key: value[i] for key, value in shown.items()}, one)
+        whole = float(way.ahead([field.start], [[30.0]])[1][0])
+        exact = exact_length(field)
+        assert exact is not None
+        assert exact < whole < 1.2 * exact
+        stream = np.random.default_rng(i)
+        for _ in range(60):
+            action, before = actions(stream), alone.state
+            one, reward, *_, info = alone.step(action)
+            if alone.state.segments == before.segments:
+                alone.reset(options={"field": field})
+                continue
+            state = alone.state
+            places, left = way.ahead([state.position], [np.arange(1, 7) * 5.0])
+            forward = state.derivative / np.hypot(*state.derivative)
+            axes = np.array([forward, [-forward[1], forward[0]]])
+            ahead = (places[0] - state.position) @ axes.T / 30.0
+            np.testing.assert_allclose(one["way"][:12].reshape(6, 2), ahead, rtol=0, atol=1e-6)
+            if progress == "way" and info["segments"] == 1:
+                gained = whole - left[0]
+                detour = info["path_length"] - gained
+                expected = (gained - 4.0 * detour) / whole
+                assert reward == pytest.approx(expected if info["outcome"] == 0 else expected - 2.0)
 
 
 def test_simulated_rollouts_are_what_the_environment_does() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
@@ -49,15 +50,26 @@ def beside_the_way(depth: float) -> Field:
     return Field(name=f"{depth} m deep", obstacles=Obstacles.discs(centers, np.array([4.0, 4.0])))
 
 
+def among_corners(depth: float) -> Field:
+    """Two squares that reach over the diagonal with a corner by a depth [m]."""
+    corners = 4.0 * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    aside = (4.0 * np.sqrt(2.0) - depth) / np.sqrt(2.0)
+    middles = np.array([[30.0 + aside, 30.0 - aside], [70.0 - aside, 70.0 + aside]])
+    squares = Obstacles.polygons(list(middles[:, None] + corners))
+    return Field(name=f"corners {depth} m deep", obstacles=squares)
+
+
 FIELDS = [beside_the_way(depth) for depth in (-0.5, -0.1, 0.1, 0.2, 0.4)]
+CORNERS = [among_corners(depth) for depth in (-0.5, -0.1, 0.1, 0.2, 0.4)]
 
 
-def flown(policy: Any, seed: int = 0) -> list[Flight]:
-    return [fly(policy, field, seed) for field in FIELDS]
+def flown(policy: Any, seed: int = 0, fields: Sequence[Field] = FIELDS) -> list[Flight]:
+    return [fly(policy, field, seed) for field in fields]
 
 
-def test_lookahead_arrives_more_often_and_never_by_a_longer_path() -> None:
-    alone, imagined = flown(PILOT), flown(LookaheadPolicy(PILOT, 24))
+@pytest.mark.parametrize("fields", [FIELDS, CORNERS], ids=["discs", "corners"])
+def test_lookahead_arrives_more_often_and_never_by_a_longer_path(fields: list[Field]) -> None:
+    alone, imagined = flown(PILOT, 0, fields), flown(LookaheadPolicy(PILOT, 24), 0, fields)
     assert 0 < sum(one.success for one in alone) < sum(one.success for one in imagined)
     for own, best in zip(alone, imagined, strict=True):
         if own.success:

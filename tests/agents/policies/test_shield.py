@@ -63,7 +63,7 @@ def states(flown: Flight) -> list[transition.State]:
 
 
 @pytest.mark.parametrize("agent", AGENTS)
-@pytest.mark.parametrize("spec", ["standard/train:0-1", "traps/train:0-1"])
+@pytest.mark.parametrize("spec", ["standard/train:0-1", "traps/train:0-1", "town/train:0"])
 def test_any_shielded_agent_arrives(agent: str, spec: str) -> None:
     for field in get_fields(spec):
         flown = shielded(AGENTS[agent](), field)
