@@ -38,11 +38,12 @@ def rectangles(blocked: NDArray[np.bool_]) -> Cells:
 
 
 def overlapping(blocked: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Rectangles that cover exactly the blocked cells, of which neighbours overlap.
+    """Rectangles that cover exactly the blocked cells, and overlap each other and the border.
 
     Rectangles that only touch would leave a way along the line between them, on which no obstacle
-    is met. So each reaches half a cell into its neighbours above, and where it cannot, a further
-    rectangle half a cell around the common side does.
+    is met, and so would the border of the grid. So each reaches half a cell into its neighbours
+    below or above, and where it cannot, a further rectangle half a cell around the common side
+    does. At the border they reach half a cell beyond it.
 
     Args:
         blocked: (rows, columns) of the grid.
@@ -72,4 +73,5 @@ def overlapping(blocked: NDArray[np.bool_]) -> tuple[Array, Array]:
                 else:
                     further.append([left + begin, end - 0.5, left + stop, end + 0.5])
     every = np.array(boxes + further, dtype=np.float64).reshape(-1, 4)
-    return every[:, :2], every[:, 2:]
+    low, high = every[:, :2], every[:, 2:]
+    return np.where(low == 0.0, -0.5, low), np.where(high == blocked.shape[::-1], high + 0.5, high)

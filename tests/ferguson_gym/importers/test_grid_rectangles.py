@@ -34,6 +34,12 @@ def test_overlapping_rectangles_cover_the_same_cells_and_every_side_between_two(
         points = np.stack([columns + x, rows + y], axis=-1)
         within = (inside.signed_distance(points) < 0.0).any(axis=-1)
         np.testing.assert_array_equal(within, blocked)
+    # the sides of blocked cells that are the border
+    ends = {(0.5, 0.0): (rows == 0), (0.0, 0.5): (columns == 0)}
+    ends |= {(0.5, 1.0): rows == len(blocked) - 1, (1.0, 0.5): columns == blocked.shape[1] - 1}
+    for (x, y), at_border in ends.items():
+        points = np.stack([columns + x, rows + y], axis=-1)[blocked & at_border]
+        assert (inside.signed_distance(points) < 0.0).any(axis=-1).all()
     # points on the side between two blocked cells
     beside = {(0.5, 1.0): blocked[:-1] & blocked[1:], (1.0, 0.5): blocked[:, :-1] & blocked[:, 1:]}
     for (x, y), both in beside.items():

@@ -2,9 +2,12 @@
 
 import numpy as np
 import pytest
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 
 from ferguson_gym.importers import read_map
 from ferguson_gym.importers.movingai import read_cells
+from ferguson_gym.shortest_paths import exact_length
 from tests.support.places import ROOT
 
 ARENA = ROOT / "examples" / "worlds" / "arena.map"
@@ -96,3 +99,23 @@ def test_options_that_make_no_sense_are_refused(place):
     }.items():
         with pytest.raises(ValueError, match=message):
             list(read_map(place / "m.map", **options))
+
+
+def test_shortest_paths_are_those_around_the_united_cells():
+    """A visibility graph on the outline of all blocked cells, without any rectangles."""
+    shapely = pytest.importorskip("shapely")
+    rows, columns = np.nonzero(read_cells(ARENA))
+    cells = shapely.box(columns, 24 - rows - 1, columns + 1, 24 - rows)
+    solid = shapely.buffer(shapely.union_all(cells), -1e-9, join_style="mitre")
+    shapely.prepare(solid)
+    outline = np.unique(shapely.get_coordinates(shapely.union_all(cells)).round(6), axis=0)
+    fields = list(read_map(ARENA, cell=1.0))
+    points = np.concatenate([outline, *([field.start, field.goal] for field in fields)])
+    first, second = np.triu_indices(len(points), 1)
+    lines = shapely.linestrings(np.stack([points[first], points[second]], axis=1))
+    free = ~shapely.intersects(solid, lines)
+    lengths = np.linalg.norm(points[first] - points[second], axis=1)[free]
+    graph = csr_array((lengths, (first[free], second[free])), shape=(len(points),) * 2)
+    starts = len(outline) + 2 * np.arange(len(fields))
+    found = dijkstra(graph, directed=False, indices=starts)[np.arange(len(fields)), starts + 1]
+    np.testing.assert_allclose([exact_length(field) for field in fields], found, rtol=1e-12)
