@@ -22,7 +22,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.shapes import Integers
 from ferguson_gym.world import Field, transition
 from planners.interface import Route
-from planners.whole_path.line_of_sight import lines_clear, sight_from
+from planners.whole_path.line_of_sight import lines_clear, scene_from
 from planners.whole_path.shortcut import shortcut
 
 MAX_STEPS = 400
@@ -55,14 +55,14 @@ class AStar:
         """Find a route from the vehicle to the goal; the seed has no effect.
 
         Raises:
-            ValueError: a field that is not planar.
+            TypeError: a field that is not planar.
         """
         # an optional library, which importing the planners must not require
         import networkx
 
         began = time.perf_counter()
-        around = sight_from(field, vehicle.position)
-        if around is None:
+        scene = scene_from(field, vehicle.position)
+        if scene is None:
             return None
         axes = [_axis(low, high, self.resolution) for low, high in field.bounds.T]
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
@@ -76,7 +76,7 @@ class AStar:
                 [[start, goal]],
             ]
         )
-        moves = moves[lines_clear(around, points[moves[:, 0]], points[moves[:, 1]])]
+        moves = moves[lines_clear(scene, points[moves[:, 0]], points[moves[:, 1]])]
         lengths = _rounded(np.linalg.norm(points[moves[:, 0]] - points[moves[:, 1]], axis=1))
         graph = networkx.Graph()
         graph.add_nodes_from((start, goal))
@@ -87,7 +87,7 @@ class AStar:
             way = networkx.astar_path(graph, start, goal, lambda node, _: togo[node])
         except networkx.NetworkXNoPath:
             return None
-        corners = shortcut(around, points[way])
+        corners = shortcut(scene, points[way])
         length = float(np.linalg.norm(np.diff(corners, axis=0), axis=1).sum())
         found = time.perf_counter() - began, length
         return Route(points=corners, length=length, progress=[found])

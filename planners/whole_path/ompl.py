@@ -18,9 +18,10 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.optional_dependencies import require
+from ferguson_gym.shortest_paths.scene import scene
 from ferguson_gym.world import Field, transition
 from planners.interface import Iterations, Route, Seconds
-from planners.whole_path.line_of_sight import Barriers, core_distances, sight
+from planners.whole_path.line_of_sight import Barriers
 from planners.whole_path.subprocess_worker import Worker
 
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
@@ -103,7 +104,7 @@ class Ompl:
 
         Raises:
             CrashedError: OMPL crashed or did not answer in time.
-            ValueError: The field is not planar.
+            TypeError: The field is not planar.
         """
         began = time.perf_counter()
         problem = self._problem(field, vehicle, seed)
@@ -122,14 +123,18 @@ class Ompl:
 
     def _problem(self, field: Field, vehicle: transition.State, seed: int) -> Problem | None:
         """The planning problem; None if vehicle or goal is in collision or out of bounds."""
-        barriers = sight(field).barriers
-        obstacles, tolerance = barriers.obstacles, field.limits.tolerance
+        (discs, _, _, shapes), kept = scene(field)
+        obstacles, tolerance = field.obstacles.only_these(kept), field.limits.tolerance
+        reach = obstacles.radii.copy()
         for end in (vehicle.position, field.goal):
-            distance = core_distances(barriers, *end.tolist())
-            if (distance < obstacles["radius"] - tolerance).any():
+            depth = -obstacles.signed_distance(end)
+            if depth.max(initial=-np.inf) > tolerance:
                 return None
-            size = np.maximum(np.abs(distance), obstacles["core"])
-            obstacles["reach"] = np.minimum(obstacles["reach"], distance - CONTACT_MARGIN * size)
+            size = np.maximum(discs["radius"], np.abs(depth))
+            reach = np.minimum(reach, obstacles.radii - depth - CONTACT_MARGIN * size)
+        discs["reach"] = reach if obstacles.are_discs else discs["radius"]
+        if not obstacles.are_discs:
+            shapes = shapes._replace(reach=reach)
         low, high = field.bounds
         beyond = np.maximum(low - vehicle.position, vehicle.position - high)
         if beyond.max() > tolerance:
@@ -138,7 +143,7 @@ class Ompl:
         bounds = np.stack([np.minimum(low, vehicle.position), np.maximum(high, vehicle.position)])
         return Problem(
             algorithm=self.algorithm,
-            barriers=barriers,
+            barriers=(discs, *shapes),
             bounds=bounds,
             start=vehicle.position,
             goal=field.goal,

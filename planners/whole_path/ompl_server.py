@@ -27,8 +27,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.scene import DISC
+from ferguson_gym.shortest_paths.shapes import no_shapes
 from planners.interface import Iterations
-from planners.whole_path.line_of_sight import BARRIER, Barriers, keeps_clear
+from planners.whole_path.line_of_sight import Barriers, keeps_clear
 from planners.whole_path.ompl import Algorithm, Answer, Problem
 from planners.whole_path.subprocess_worker import serve
 
@@ -249,5 +251,5 @@ def answer(problem: Problem) -> Answer:
 if __name__ == "__main__":
     util.noOutputHandler()
     # compile before anything is timed
-    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, BARRIER), np.empty((2, 0)))
+    keeps_clear(0.0, 0.0, 0.0, 0.0, np.empty(0, DISC), *no_shapes())
     serve(answer)

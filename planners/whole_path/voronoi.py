@@ -22,9 +22,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world import Field, Obstacles, transition
+from ferguson_gym.shortest_paths.scene import Scene
+from ferguson_gym.world import Field, transition
 from planners.interface import Route
-from planners.whole_path.line_of_sight import lines_clear, sight_from
+from planners.whole_path.line_of_sight import lines_clear, scene_from
 
 _FINER = 5.0
 """Points along cores are so many times denser than those along the bounds."""
@@ -49,7 +50,7 @@ class VoronoiEdges:
         """Find the shortest route from the vehicle to the goal; the seed has no effect.
 
         Raises:
-            ValueError: a field that is not planar.
+            TypeError: a field that is not planar.
         """
         # a third of the time in which all planners are imported, and only this one needs them
         from scipy.sparse import csr_array
@@ -57,11 +58,11 @@ class VoronoiEdges:
         from scipy.spatial import Voronoi
 
         began = time.perf_counter()
-        around = sight_from(field, vehicle.position)
-        if around is None:
+        scene = scene_from(field, vehicle.position)
+        if scene is None:
             return None
         apart = float((field.bounds[1] - field.bounds[0]).mean()) / (_FINER * self.per_side)
-        cores = _on_boundaries(field.obstacles.only_these(around.kept), apart)
+        cores = _on_boundaries(scene, apart)
         diagram = Voronoi(np.concatenate([cores, _along(field.bounds, self.per_side)]))
         points = np.concatenate([diagram.vertices, [vehicle.position, field.goal]])
         start, goal = len(points) - 2, len(points) - 1
@@ -73,7 +74,7 @@ class VoronoiEdges:
                 np.column_stack([np.full(goal, goal), np.arange(goal)]),
             ]
         )
-        edges = edges[lines_clear(around, points[edges[:, 0]], points[edges[:, 1]])]
+        edges = edges[lines_clear(scene, points[edges[:, 0]], points[edges[:, 1]])]
         lengths = np.linalg.norm(points[edges[:, 0]] - points[edges[:, 1]], axis=1)
         graph = csr_array((lengths, (edges[:, 0], edges[:, 1])), shape=(goal + 1, goal + 1))
         togo, after = dijkstra(graph, directed=False, indices=goal, return_predecessors=True)
@@ -87,23 +88,22 @@ class VoronoiEdges:
         return Route(points=points[way], length=length, progress=[found])
 
 
-def _on_boundaries(obstacles: Obstacles, apart: float) -> Array:
+def _on_boundaries(scene: Scene, apart: float) -> Array:
     """Points (m, 2) on the boundaries of all cores, neighbours at most `apart` apart [m]."""
-    if obstacles.are_discs:
-        return obstacles.points
-    first, number = obstacles.starts[:-1], np.diff(obstacles.starts)
-    after = np.arange(1, len(obstacles.points) + 1)
-    after[obstacles.starts[1:] - 1] = first
-    edges = obstacles.points[after] - obstacles.points
+    first, corners = scene.shapes.first, scene.shapes.corners
+    if len(first) == 0:
+        return np.column_stack([scene.discs["x"], scene.discs["y"]])
+    points = np.column_stack([corners["x"], corners["y"]])
+    after = np.arange(1, len(points) + 1)
+    after[first[1:] - 1] = first[:-1]
+    edges = points[after] - points
     parts = np.maximum(np.ceil(np.linalg.norm(edges, axis=1) / apart), 1.0).astype(np.int64)
-    # the way back along a line has the same points as the way there, and one corner is left
-    parts[first[number == 2] + 1] = 1
+    # the way back along a line has the points of the way there, and one corner is left
+    parts[first[:-1][np.diff(first) == 2] + 1] = 1
     step = np.arange(parts.sum()) - np.repeat(np.cumsum(parts) - parts, parts)
     share = (step / np.repeat(parts, parts))[:, None]
-    points: Array = np.repeat(obstacles.points, parts, axis=0) + share * np.repeat(
-        edges, parts, axis=0
-    )
-    return points
+    along: Array = np.repeat(points, parts, axis=0) + share * np.repeat(edges, parts, axis=0)
+    return along
 
 
 def _along(bounds: Array, per_side: int) -> Array:

@@ -183,7 +183,7 @@ def test_at_the_goal_there_is_nothing_left_to_fly(router: Router) -> None:
 @every_router
 def test_only_the_plane(router: Router) -> None:
     space = field_of([[50.0, 50.0, 50.0]], [10.0], start=(0, 0, 0), goal=(100, 100, 100))
-    with pytest.raises(ValueError, match="flights are planar, field of discs has 3 dimensions"):
+    with pytest.raises(TypeError, match="in the plane, got 3 dimensions"):
         router.route(space, transition.State(space.start, space.departure), 0)
 
 

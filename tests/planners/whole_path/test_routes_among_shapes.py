@@ -77,7 +77,8 @@ def test_routes_are_free_and_short(name: str) -> None:
         # a swarm's route has points on a curve that is certified to 1e-6 m
         depth = deepest(found.points, field)
         assert depth <= (1e-3 if name in ("pso", "abc") else 1.2e-7)
-        exact = exact_length(field) or field.distance
+        exact = exact_length(field)
+        assert exact is not None
         assert exact * (1.0 - 1e-6) <= found.length <= excess * exact
 
 
