@@ -51,9 +51,7 @@ def why_unreachable(
         length: of its shortest path [m], None if there is none.
         exact: whether `length` is known; otherwise the straight distance takes its place.
     """
-    discs = field.obstacles
-    known = exact and discs.are_discs and discs.dimension == 2
-    if known and length is None:
+    if exact and field.obstacles.dimension == 2 and length is None:
         return Status.NO_WAY, ""
     limits = field.limits
     needed = field.distance if length is None else length

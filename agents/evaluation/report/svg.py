@@ -49,9 +49,8 @@ def draw_field(name: str, fields: Mapping[str, Field], changes: FieldChanges) ->
     drawn["bounds"] = _centimetres(field.bounds).ravel().tolist()
     drawn["start"], drawn["goal"] = (_centimetres(p).tolist() for p in (field.start, field.goal))
     drawn |= draw_obstacles(field.obstacles)
-    if field.obstacles.are_discs:
-        shortest = shortest_path(field)
-        drawn["shortest"] = None if shortest is None else draw_shortest(shortest)
+    shortest = shortest_path(field)
+    drawn["shortest"] = None if shortest is None else draw_shortest(shortest)
     return drawn
 
 

@@ -46,8 +46,8 @@ _T = np.linspace(0.0, 1.0, 60)
 class Painter:
     """Draws the frames of one field on a background that is drawn once.
 
-    The background shows the obstacles and, for planar discs, bands of equal distance to the goal
-    and the shortest path. A dotted line continues a plan along the shortest path to the goal.
+    The background shows the obstacles, bands of equal distance to the goal and the shortest path. A
+    dotted line continues a plan along the shortest path to the goal.
     """
 
     def __init__(self, field: Field, title: str, *, surveyed: bool = True) -> None:
@@ -61,12 +61,12 @@ class Painter:
         self._figure = Figure(figsize=(wide / _DPI, tall / _DPI), dpi=_DPI)
         self._canvas = cast(Any, FigureCanvasAgg(self._figure))
         place = (_FRAME / wide, (_FRAME + _CAPTION) / tall, width / wide, height / tall)
-        self._togo = _distance_to_go(field)
-        path = None if self._togo is None else self._togo.path(field.start)
+        self._togo = DistanceToGoal(field)
+        path = self._togo.path(field.start)
         self._shortest = np.empty((0, 2)) if path is None else path.points(0.5)
         with mpl.rc_context(drawing.style()):
             axes = self._figure.add_axes(place)
-            if self._togo is not None and surveyed:
+            if surveyed:
                 _draw_levels(axes, field, self._togo)
             drawing.draw_field(axes, field)
             axes.set(xticks=[], yticks=[])
@@ -93,7 +93,7 @@ class Painter:
     def _draw(self, axes: Axes, frame: Frame) -> None:
         togo = self._togo
         if frame.known is not None:
-            togo = _distance_to_go(frame.known)
+            togo = DistanceToGoal(frame.known)
             drawing.draw_obstacles(axes, frame.known.obstacles, drawing.SEEN)
         elif frame.origin is not None:
             _draw_reach(axes, self._field, frame.origin, frame.reach)
@@ -109,7 +109,7 @@ class Painter:
             _draw_chains(axes, [frame.plan], lw=2.0, zorder=3)
             knots = frame.plan[:, 1]
             axes.plot(*knots.T, "o", mfc="white", mec=drawing.HORIZON, mew=0.9, ms=3.2, zorder=4)
-            ahead = None if togo is None else togo.path(knots[-1])
+            ahead = togo.path(knots[-1])
             if ahead is not None:
                 axes.plot(*ahead.points(0.5).T, ":", color=drawing.HORIZON, lw=1.2, zorder=3)
         drawing.draw_path(axes, frame.flown)
@@ -122,11 +122,6 @@ class Painter:
         axes.plot(*self._field.start, "o", color=drawing.START, ms=5, zorder=6)
         axes.plot(*self._field.goal, "*", color=drawing.GOAL, ms=9, zorder=6)
         _write(self._figure, axes, frame.caption, "right")
-
-
-def _distance_to_go(field: Field) -> DistanceToGoal | None:
-    """The distance to the goal; None unless all obstacles are planar discs."""
-    return DistanceToGoal(field) if field.obstacles.are_discs else None
 
 
 def _draw_levels(axes: Axes, field: Field, togo: DistanceToGoal) -> None:
