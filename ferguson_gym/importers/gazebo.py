@@ -57,9 +57,9 @@ def read_world(
         scale: metres of a unit of the file.
 
     Raises:
-        ValueError: not such a file, a document type or entities, shapes of other kinds or lying
-            down, poses in frames other than that of the parent, or values that `Field` refuses; the
-            message names file and model.
+        ValueError: not such a file, a document type or entities, shapes of other kinds, lying down
+            or scaled, poses in frames other than that of the parent, or values that `Field`
+            refuses; the message names file and model.
         OSError: the file cannot be read.
     """
     path = Path(path)
@@ -94,11 +94,14 @@ def _shapes_in(root: ElementTree.Element) -> Iterator[Obstacles]:
     if root.tag not in ("sdf", "gazebo"):
         raise ValueError(f"not a Gazebo world, whose outermost element is sdf, got {root.tag}")
     for world in [root, *root.findall("world")]:
-        moved = {
-            model.get("name"): _pose(model, f"the state of model {model.get('name')!r}")
-            for model in world.findall("state/model")
-            if model.find("pose") is not None
-        }
+        moved: dict[str | None, Pose] = {}
+        for model in world.findall("state/model"):
+            where = f"the state of model {truncate_repr(model.get('name'))}"
+            scale = model.findtext("scale")
+            if scale and _numbers(scale, 3, f"{where}: scale") != [1.0, 1.0, 1.0]:
+                raise ValueError(f"{where} has the scale {scale.strip()}; it must be 1 1 1")
+            if model.find("pose") is not None:
+                moved[model.get("name")] = _pose(model, where)
         for include in world.findall("include"):
             uri = (include.findtext("uri") or "").strip()
             if uri not in _HARMLESS:

@@ -85,6 +85,10 @@ LAUGHS = "<!DOCTYPE sdf [<!ENTITY a 'b'>]>"
         (world(model(BOX + BOX)), "has 2 shapes; it may have one"),
         (world(model(CYLINDER).replace("frame=''", "relative_to='x'")), "in the frame 'x'"),
         (world(model(CYLINDER).replace("frame=''", "degrees='true'")), "metres and radians"),
+        (
+            world("<state><model name='m'><scale>2 1 1</scale></model></state>"),
+            "the state of model 'm' has the scale 2 1 1; it must be 1 1 1",
+        ),
         (world("<include><uri>model://house</uri></include>"), "includes 'model://house'"),
         (world("<model name='m'><include/></model>"), "model 'm' includes another model"),
         (world("<model name='m'>" * 20 + "</model>" * 20), "more than 16 models within"),
