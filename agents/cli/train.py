@@ -33,7 +33,7 @@ examples:
       --minutes 36 --out runs/refined
   ferguson train ppo --fields forest/train:0-9999 --out runs/forest
   ferguson train bc --demos ferguson/guided-v0 --out runs/cloned
-  ferguson train sac --config mine.yml --seed 1 --steps 100000 --out runs/sac"""
+  ferguson train tqc --config mine.yml --seed 1 --steps 100000 --out runs/tqc"""
 
 
 def add_to(train: Parser) -> None:
@@ -76,7 +76,7 @@ def add_to(train: Parser) -> None:
         "--demos",
         metavar="DATASET_ID",
         help="dataset of demonstrations: the training data of bc, the first data of dagger, the "
-        "initial replay buffer of sac and tqc",
+        "initial replay buffer of tqc",
     )
     shared.add_fields(
         train,

@@ -8,7 +8,6 @@ from typing import Any
 from sb3_contrib.tqc.policies import MultiInputPolicy as TQCPolicy
 from stable_baselines3.common.policies import BasePolicy, MultiInputActorCriticPolicy
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
-from stable_baselines3.sac.policies import MultiInputPolicy as SACPolicy
 from torch import nn
 
 from agents.models.architecture import MIXTURE, ON_POLICY, PLAIN, SETS
@@ -21,7 +20,6 @@ POLICIES = (*_FEATURES, *(f"{name}{MIXTURE}" for name in _FEATURES))
 
 _CLASSES: dict[str, type[BasePolicy]] = {
     **dict.fromkeys(ON_POLICY, MultiInputActorCriticPolicy),
-    "sac": SACPolicy,
     "tqc": TQCPolicy,
 }
 _ACTIVATIONS: dict[str, type[nn.Module]] = {

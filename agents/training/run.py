@@ -152,6 +152,7 @@ _OFF_POLICY = frozenset(
     {
         *("learning_rate", "buffer_size", "learning_starts", "batch_size", "tau", "gamma"),
         *("train_freq", "gradient_steps", "ent_coef", "target_update_interval", "target_entropy"),
+        "top_quantiles_to_drop_per_net",
     }
 )
 _ON_POLICY = frozenset(
@@ -165,8 +166,7 @@ _SB3, _IMITATION = "agents.training.sb3", "agents.training.imitation.trainer"
 _OPTIONS = frozenset(option.name for option in fields(ImitationOptions))
 ALGORITHMS: Mapping[str, Algorithm] = {
     "ppo": Algorithm(module=_SB3, keys=_ON_POLICY),
-    "sac": Algorithm(module=_SB3, keys=_OFF_POLICY, demos=True),
-    "tqc": Algorithm(module=_SB3, keys=_OFF_POLICY | {"top_quantiles_to_drop_per_net"}, demos=True),
+    "tqc": Algorithm(module=_SB3, keys=_OFF_POLICY, demos=True),
     "bc": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
     "dagger": Algorithm(module=_IMITATION, keys=_OPTIONS, demos=True),
 }

@@ -1,4 +1,4 @@
-"""Reinforcement learning by Stable-Baselines3: PPO, SAC and TQC."""
+"""Reinforcement learning by Stable-Baselines3: PPO and TQC."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numba
 import numpy as np
 import torch
 from sb3_contrib import TQC
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
@@ -41,7 +41,7 @@ _ENDLESS = 10**15
 """Limit of steps if only time is limited."""
 _LOGGED_ROLLOUTS, _LOGGED_EPISODES = 1, 100
 """Logging interval of the library, which counts rollouts on policy and episodes off policy."""
-_LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC}
+_LEARNERS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "tqc": TQC}
 _CRITIC_ALONE, _LAST_STD = "critic_alone", "last_std"
 """Keys of PPO that its library does not have: steps in which only the critic is trained, and the
 standard deviation of the actions' noise at the end, to which it decreases from that of

@@ -138,7 +138,7 @@ def arm(file: Path, trace: Path) -> list[Callable[[], None]]:
     return [*own.get(file.suffix, []), plain]
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "dagger"])
+@pytest.mark.parametrize("algorithm", ["ppo", "tqc", "dagger"])
 def test_a_training_is_not_taken_up_from_pickles(
     algorithm: str, trace: Path, tmp_path: Path
 ) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 import torch
 from sb3_contrib import TQC
-from stable_baselines3 import PPO, SAC
+from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents.models import networks, torch_model
@@ -13,7 +13,7 @@ from agents.models.model_card import ModelCard
 from agents.models.torch_model import TorchModel
 from agents.training.sb3_vec_env import ObstacleFieldVecEnv
 
-ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "tqc": TQC}
+ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "tqc": TQC}
 RAYS: dict[str, Any] = {"observation": "rays", "rays": 9}
 DISCS: dict[str, Any] = {"observation": "discs", "nearest": 4, "focus": 6.0}
 

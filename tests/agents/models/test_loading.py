@@ -132,7 +132,7 @@ def test_no_code_in_a_model_is_run(copy: Path, tmp_path: Path) -> None:
         ({"policy_kwargs": [24]}, "policy_kwargs should be of type dict"),
         ({"policy": "oracle"}, "unknown policy 'oracle'; policies are mlp"),
         ({"algorithm": "luck"}, "unknown algorithm 'luck'; known are ppo"),
-        ({"algorithm": "sac"}, "weights are not those of the network"),
+        ({"algorithm": "tqc"}, "weights are not those of the network"),
         ({"environment_version": "ferguson/ObstacleField-v9 0.1.0"}, "a model for the environment"),
         ({"environment_version": "ferguson/ObstacleField-v0 99.0"}, "newer than .* is installed"),
         ({"colour": "red"}, "not a model's card; it has the entries algorithm, policy"),

@@ -85,7 +85,7 @@ def test_trained_agents_are_found_by_their_directory_or_a_file_in_it(tmp_path: P
 
 def test_a_missing_library_is_reported(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda module: module != "torch" or None)
-    card = ModelCard(algorithm="sac", policy="mlp", policy_kwargs={}, environment={})
+    card = ModelCard(algorithm="tqc", policy="mlp", policy_kwargs={}, environment={})
     (shipped / "ace" / "model.json").write_text(card.to_json())
     zipfile.ZipFile(shipped / "ace" / "model.zip", "w").close()
     with pytest.raises(ValueError, match=r"'ace' needs torch: .*'\.\[agents\]'"):

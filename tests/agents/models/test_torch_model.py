@@ -65,7 +65,7 @@ def test_threads_are_as_before_after_a_batch_and_after_an_error() -> None:
     before = torch.get_num_threads()
     torch.set_num_threads(2)
     try:
-        fly_batch(learned("sac", RAYS).model, get_fields(FIELDS))
+        fly_batch(learned("tqc", RAYS).model, get_fields(FIELDS))
         assert torch.get_num_threads() == 2
         with pytest.raises(ZeroDivisionError), one_thread():
             _ = 1 / (torch.get_num_threads() - 1)
@@ -142,7 +142,7 @@ def test_a_model_with_pickled_weights_alone_flies_the_same(algorithm: str, tmp_p
         np.testing.assert_array_equal(one.control, other.control)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", "tqc"])
 def test_an_exported_copy_flies_the_same_and_can_be_trained_further(
     algorithm: str, tmp_path: Path
 ) -> None:

@@ -42,7 +42,6 @@ TINY: dict[str, Any] = {
 }
 OF_ALGORITHM: dict[str, dict[str, Any]] = {
     "ppo": {"n_steps": 8, "n_epochs": 1},
-    "sac": {"buffer_size": 64, "learning_starts": 8},
     "tqc": {"buffer_size": 64, "learning_starts": 8, "top_quantiles_to_drop_per_net": 1},
 }
 
@@ -147,7 +146,7 @@ def press(monkeypatch: pytest.MonkeyPatch, at: int) -> None:
     monkeypatch.setattr(TrainingRecord, "evaluate", interrupted)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+@pytest.mark.parametrize("algorithm", ["ppo", "tqc"])
 def test_an_interrupted_training_resumes(
     algorithm: str,
     command: Command,
@@ -183,7 +182,7 @@ def test_an_interrupted_training_resumes(
     monkeypatch.setattr(training_checkpoint, "restore", watched)
     assert main(command(algorithm)) == 0
     assert restored[0][0] == counts.steps
-    if algorithm == "sac":
+    if algorithm == "tqc":
         buffer = restored[0][1]
         assert buffer.full  # 64 steps of 4 environments
         assert np.abs(buffer.observations["rays"]).max() > 0.0
@@ -259,21 +258,21 @@ def test_a_damaged_checkpoint_is_refused_and_fresh_starts_over(
 ) -> None:
     with monkeypatch.context() as patch:
         press(patch, at=32)
-        assert main(command("sac")) == 130
+        assert main(command("tqc")) == 130
     checkpoint = training_checkpoint.latest(tmp_path / "out/checkpoint")
     assert checkpoint is not None
     for name in ("buffer.npz", "model.zip", "state.json"):
         whole = (checkpoint / name).read_bytes()
         (checkpoint / name).write_bytes(whole[: len(whole) // 2])
-        assert main(command("sac")) == 2
+        assert main(command("tqc")) == 2
         error = capsys.readouterr().err
         assert "the checkpoint " in error
         assert "cannot be read" in error
         assert "--fresh starts over" in error
         (checkpoint / name).write_bytes(whole)
     (checkpoint / "buffer.npz").unlink()
-    assert main(command("sac")) == 2
-    assert main(command("sac", "--fresh")) == 0
+    assert main(command("tqc")) == 2
+    assert main(command("tqc", "--fresh")) == 0
     assert next(iter(curve_of(tmp_path / "out")))["steps"] == "0"
 
 
@@ -284,7 +283,7 @@ def test_another_training_in_the_same_place_is_refused(
     before = weights_of(tmp_path / "out")
     for algorithm, more, changes, match in (
         ("ppo", ["--seed", "1"], {}, "seed was 0, now 1"),
-        ("sac", [], {}, 'algorithm was "ppo", now "sac"'),
+        ("tqc", [], {}, 'algorithm was "ppo", now "tqc"'),
         ("ppo", [], {"n_steps": 16}, "hyperparameters.learner.n_steps was 8, now 16"),
         ("ppo", [], {"gamma": 0.9}, "hyperparameters.learner.gamma was null, now 0.9"),
         ("ppo", ["--steps", "99"], {}, "steps was 96, now 99"),
@@ -332,12 +331,12 @@ def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
         return int(filled[0][0])
 
     monkeypatch.setattr(demonstration_data, "fill", watched)
-    assert main(command("sac", "--demos", "far/away-v0")) == 0
+    assert main(command("tqc", "--demos", "far/away-v0")) == 0
     assert filled[0][:2] == (12, 3)  # rows of four environments
     assert filled[0][2] > 0.0
     assert loading.load(tmp_path / "out").card.settings["demos"] == "far/away-v0"
     # more than there is room for is refused before anything is removed
-    assert main(command("sac", "--demos", "far/away-v0", "--fresh", buffer_size=8)) == 2
+    assert main(command("tqc", "--demos", "far/away-v0", "--fresh", buffer_size=8)) == 2
     assert (tmp_path / "out/model.zip").exists()
 
 
@@ -355,7 +354,7 @@ def test_an_off_policy_training_starts_with_demonstrations_in_its_buffer(
         ([], {"env_kwargs": {"segments": 9}}, "leave `gate` and `segments` out"),
         ([], {"gamma": float("nan")}, "gamma must be a finite number, a word or a list, got nan"),
         (["--from", "nowhere"], {}, "--from nowhere: no such model"),
-        (["--demos", "a/b-v0"], {}, "ppo cannot use --demos; sac, tqc"),
+        (["--demos", "a/b-v0"], {}, "ppo cannot use --demos; tqc"),
         (["--minutes", "0"], {}, "need a positive number of minutes, got '0'"),
         (["--choose-on", "standard/moon:1"], {}, "moon"),
     ],
@@ -379,10 +378,10 @@ def test_a_model_with_other_networks_is_refused_as_a_start(
     command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     start = saved(tmp_path / "start")
-    assert main(command("sac", "--from", str(start))) == 2
-    assert "sac cannot start from a model of ppo" in capsys.readouterr().err
+    assert main(command("tqc", "--from", str(start))) == 2
+    assert "tqc cannot start from a model of ppo" in capsys.readouterr().err
     assert main(["train", "ppo", "--out", str(start), "--from", str(start)]) == 2
     assert "is inside --out" in capsys.readouterr().err
     assert main(["train", "luck", "--out", str(tmp_path / "out")]) == 2
-    known = "choose from ppo, sac, tqc, bc, dagger"
+    known = "choose from ppo, tqc, bc, dagger"
     assert f"invalid choice: 'luck'; {known}" in capsys.readouterr().err

@@ -88,7 +88,7 @@ def test_keys_that_are_off_are_not_mentioned(tmp_path: Path) -> None:
 
 def test_an_environment_that_is_not_listed_has_the_defaults(tmp_path: Path) -> None:
     text = "default: {n_timesteps: 1e6, policy: MlpPolicy, tau: 0.02}"
-    found = read(file_of(tmp_path, text), ALGORITHMS["sac"].keys)
+    found = read(file_of(tmp_path, text), ALGORITHMS["tqc"].keys)
     assert found.n_timesteps == 1_000_000
     assert found.learner == {"tau": 0.02}
 
@@ -96,7 +96,7 @@ def test_an_environment_that_is_not_listed_has_the_defaults(tmp_path: Path) -> N
 def test_noise_that_the_zoo_adds_to_actions_is_ignored_and_named(tmp_path: Path) -> None:
     text = "default: {n_timesteps: 100, policy: MlpPolicy, noise_type: normal, noise_std: 0.1}"
     with pytest.warns(UserWarning, match=r"ignored the RL Zoo's noise_std, noise_type: "):
-        found = read(file_of(tmp_path, text), ALGORITHMS["sac"].keys)
+        found = read(file_of(tmp_path, text), ALGORITHMS["tqc"].keys)
     assert found.learner == {}
 
 
@@ -141,7 +141,7 @@ def test_a_run_observes_what_the_model_observes_that_it_starts_from(tmp_path: Pa
     assert card_for(run, start).environment == {**seen, "progress": "way"}
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "tqc"])
+@pytest.mark.parametrize("algorithm", ["ppo", "tqc"])
 def test_what_the_zoo_reads_of_our_files_builds_the_algorithm(algorithm: str) -> None:
     content = yaml.safe_load((SHIPPED / f"{algorithm}.yml").read_text())
     given: dict[str, Any] = content[ENVIRONMENT_ID]

@@ -176,7 +176,7 @@ def test_an_overflow_gives_nan() -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"algorithm": "sac"},
+        {"algorithm": "tqc"},
         {"policy": "oracle"},
         {"policy": "oracle-mixture"},
         {"policy_kwargs": {"net_arch": [8, 0]}},

@@ -246,9 +246,9 @@ def test_invalid_runs_are_refused_before_anything_is_written(
 def test_a_model_with_other_networks_is_refused_as_a_start(
     command: Command, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    start = saved(tmp_path / "start", card_of("sac"))
+    start = saved(tmp_path / "start", card_of("tqc"))
     assert main(command("dagger", "--from", str(start))) == 2
-    assert "dagger cannot start from a model of sac" in capsys.readouterr().err
+    assert "dagger cannot start from a model of tqc" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 
 
