@@ -13,9 +13,9 @@ import time
 from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
-from ferguson_gym.world import Field
+from ferguson_gym.world import Field, transition
 from planners.interface import Decision, Knowledge, State, WindowReport
-from planners.optimization.convex import ChainSolver, Effort, nominal_chain
+from planners.optimization.convex import ChainSolver, Effort, Found, nominal_chain
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep, remaining_plan
 
@@ -52,16 +52,9 @@ class Convex(StepByStep):
             TypeError: obstacles that are not in the plane.
         """
         began = time.perf_counter()
-        vehicle, effort = state.vehicle, Effort()
-        found, start, final = None, "", False
-        for grain in self.grains:
-            nominal = nominal_chain(field, vehicle, grain.stride, self.segments)
-            if nominal is None:
-                break
-            found, effort = self.solver.solve(field, vehicle, nominal, grain.parts, effort)
-            if found is not None:
-                start, final = f"stride {grain.stride:g}", nominal.final
-                break
+        vehicle = state.vehicle
+        found, effort = self.window(field, vehicle)
+        start = "" if found is None else f"{effort.programs} programs"
         chain, step = (None, None) if found is None else (found.control, found.step)
         if found is None and (rest := remaining_plan(field, state)) is not None:
             start, (chain, step) = "planned", rest
@@ -70,9 +63,25 @@ class Convex(StepByStep):
             start=start,
             starts=effort.programs,
             feasible=int(found is not None),
-            final=final,
             evaluations=effort.iterations,
             rounds=effort.programs,
             seconds=time.perf_counter() - began,
         )
         return Decision(chain, report, first_step=step)
+
+    def window(self, field: Field, vehicle: transition.State) -> tuple[Found | None, Effort]:
+        """The best certified window from a state, if there is one, and what it took.
+
+        Args:
+            field: of the paper's scale.
+            vehicle: where the window begins.
+        """
+        effort = Effort()
+        for grain in self.grains:
+            nominal = nominal_chain(field, vehicle, grain.stride, self.segments)
+            if nominal is None:
+                break
+            found, effort = self.solver.solve(field, vehicle, nominal, grain.parts, effort)
+            if found is not None:
+                return found, effort
+        return None, effort
