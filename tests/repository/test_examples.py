@@ -124,34 +124,18 @@ def test_the_own_reward_charges_for_nearness_alone(run: Run) -> None:
 
 
 def test_the_town_is_flown_without_touching_a_wall(run: Run) -> None:
-    names, text = run("own_field.py")
-    walls = names["read"](EXAMPLES / "buildings.csv")
+    _, text = run("own_field.py")
     exact = [float(way) for way in re.findall(r"m +([\d.]+) m +[\d.]+ m, reached the goal", text)]
-    assert exact[0] > exact[1] + 10.0  # coarse discs close the alley
-    assert exact[1] > exact[2]
+    assert exact[0] < exact[1] < exact[2] - 10.0  # a wide vehicle does not fit into the alley
     assert "14 of 14 segments certified feasible" in text
     assert_drawn("results/examples/town.png")
 
     field = get_field("results/examples/town.json")
     assert shortest_path(field).length == pytest.approx(exact[1], abs=0.006)
     flight = fly("guided", field)
-    assert names["from_walls"](Curve(flight.control).points(200), walls).min() >= -1e-5
+    walls = runpy.run_path(str(EXAMPLES / "own_field.py"))["read"](EXAMPLES / "buildings.csv")
+    assert walls.clearance(flight.control).min() >= 0.8 - 1e-5
     assert main(printed_command(text)) == 0
-
-
-@pytest.mark.parametrize("cell", [0.7, 3.0, 50.0])
-def test_the_cover_holds_all_walls(cell: float, run: Run) -> None:
-    names = runpy.run_path(str(EXAMPLES / "own_field.py"))
-    stream = np.random.default_rng(0)
-    buildings = np.column_stack([stream.uniform(0, 80, (8, 2)), stream.uniform(1, 30, (8, 2))])
-    discs = names["cover"](buildings, cell)
-    assert discs.are_discs
-    t = np.linspace(0.0, 1.0, 400)
-    for x, y, width, depth in buildings:
-        for side in ((x + t * width, y + 0 * t), (x + t * width, y + depth + 0 * t)):
-            assert discs.signed_distance(np.column_stack(side)).min(axis=1).max() < 1e-9
-        for side in ((x + 0 * t, y + t * depth), (x + width + 0 * t, y + t * depth)):
-            assert discs.signed_distance(np.column_stack(side)).min(axis=1).max() < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -161,6 +145,7 @@ def test_the_cover_holds_all_walls(cell: float, run: Run) -> None:
         ("x,y,width,depth\n", "need buildings"),
         ("x,y,width,depth\n1,2,-3,4\n", "above 0 m"),
         ("x,y,width,depth\n1,2\n", "could not convert"),
+        ("x,y,width,depth\n-5,-5,9,9\n", "inside obstacle 0"),
     ],
 )
 def test_bad_buildings_are_refused_in_one_line(
