@@ -31,6 +31,7 @@ _ONLY_FOR = {
     "pairs": ("movingai",),
     "points": ("movingai",),
     "cell": ("movingai",),
+    "close_corners": ("movingai",),
     "scale": ("gazebo", "csv"),
     "start": ("geojson", "gazebo", "csv"),
     "goal": ("geojson", "gazebo", "csv"),
@@ -120,6 +121,13 @@ def add_to(import_: Parser) -> None:
         help="start and goal are centers of their cells, or upper left corners (movingai); "
         "default: centers",
     )
+    import_.add_argument(
+        "--close-corners",
+        action="store_true",
+        default=None,
+        help="close the gaps of no width between blocked cells that touch at a corner, by squares "
+        "of 0.02 cells (movingai)",
+    )
     shared.add_limits(
         import_,
         "set a limit of the fields: {names}; another longest also scales shortest, slowest, gate "
@@ -146,7 +154,8 @@ def prepare(options: argparse.Namespace, terminal: Terminal) -> Job:
     formats = [options.format or _format_of(source) for source in options.sources]
     for name, allowed in _ONLY_FOR.items():
         if getattr(options, name) is not None and not set(formats) & set(allowed):
-            raise ValueError(f"--{name} is for {' and '.join(allowed)}, not for {formats[0]}")
+            option = f"--{name.replace('_', '-')}"
+            raise ValueError(f"{option} is for {' and '.join(allowed)}, not for {formats[0]}")
     if options.scenario is not None and len(options.sources) > 1:
         raise ValueError("--scenario is for one map; give others in commands of their own")
     placement = Placement(
@@ -212,6 +221,7 @@ def _read(
             options.pairs,
             cell=CELL if options.cell is None else options.cell,
             points=options.points or CENTERS,
+            close_corners=bool(options.close_corners),
             limits=placement.limits,
         )
     elif kind == "geojson":

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 
 Cells = NDArray[np.int64]
+_HALF_SIDE = 0.01
+"""Half the side of a square that closes a gap of no width [cells]."""
 
 
 def rectangles(blocked: NDArray[np.bool_]) -> Cells:
@@ -75,3 +77,23 @@ def overlapping(blocked: NDArray[np.bool_]) -> tuple[Array, Array]:
     every = np.array(boxes + further, dtype=np.float64).reshape(-1, 4)
     low, high = every[:, :2], every[:, 2:]
     return np.where(low == 0.0, -0.5, low), np.where(high == blocked.shape[::-1], high + 0.5, high)
+
+
+def corner_squares(blocked: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Small squares around the corners at which two blocked cells touch and no others do.
+
+    Without them a path of no width passes between such cells. They reach 0.01 cells into the two
+    free cells beside them.
+
+    Args:
+        blocked: (rows, columns) of the grid.
+
+    Returns:
+        Lower (n, 2) and upper (n, 2) columns and rows.
+    """
+    here, right, below = blocked[:-1, :-1], blocked[:-1, 1:], blocked[1:, :-1]
+    opposite = blocked[1:, 1:]
+    falling, rising = here & opposite & ~right & ~below, right & below & ~here & ~opposite
+    row, column = np.nonzero(falling | rising)
+    corners = np.stack([column + 1.0, row + 1.0], axis=-1)
+    return corners - _HALF_SIDE, corners + _HALF_SIDE

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.importers.grid_rectangles import overlapping
+from ferguson_gym.importers.grid_rectangles import corner_squares, overlapping
 from ferguson_gym.runtime.arrays import truncate_repr
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.limits import Limits
@@ -40,6 +40,7 @@ def read_map(
     *,
     cell: float = CELL,
     points: str = CENTERS,
+    close_corners: bool = False,
     limits: Mapping[str, float] | None = None,
 ) -> Iterator[Field]:
     """The fields of a map, one for each pair of start and goal of its scenario.
@@ -55,6 +56,8 @@ def read_map(
         cell: side of a cell [m].
         points: whether start and goal are the `centers` of their cells, as paths from cell to cell
             have it, or their upper left `corners`, as any-angle paths have it.
+        close_corners: whether a square of 0.02 cells closes the gap of no width between two blocked
+            cells that touch at a corner.
         limits: limits of segments other than the default ones.
 
     Raises:
@@ -72,6 +75,9 @@ def read_map(
     chosen = read_pairs(scenario, path, blocked, pairs)
     height, width = blocked.shape
     low, high = overlapping(blocked)
+    if close_corners:
+        squares = corner_squares(blocked)
+        low, high = np.concatenate([low, squares[0]]), np.concatenate([high, squares[1]])
     # rows count downwards from the top, y upwards from the bottom
     obstacles = Obstacles.boxes(
         cell * np.stack([low[:, 0], height - high[:, 1]], axis=1),

@@ -59,7 +59,7 @@ def test_maps_and_scenarios_of_other_names(capsys):
     Path("x.map").write_bytes((WORLDS / "arena.map").read_bytes())
     scenario = (WORLDS / "arena.map.scen").read_text().replace("arena.map", "x.map")
     Path("other.scen").write_text(scenario)
-    line = "x.map --scenario other.scen --pairs 0 --cell 1 --points corners --out f"
+    line = "x.map --scenario other.scen --pairs 0 --cell 1 --points corners --close-corners --out f"
     assert run(line, capsys)[0] == 0
     np.testing.assert_array_equal(from_json("f/x-0.json").start, [2.0, 22.0])
 
@@ -87,6 +87,7 @@ REFUSED = {
     "a.csv --format sdf --out f": "invalid choice: 'sdf'",
     "a.csv --format gazebo --out f": "a.csv: not XML",
     "a.csv --pairs 0-3 --out f": "--pairs is for movingai, not for csv",
+    "a.csv --close-corners --out f": "--close-corners is for movingai, not for csv",
     "a.csv --start 0 --out f": "expected 2 arguments",
     "a.csv --start 0 0 --out f": "start (0, 0) lies 1 m inside obstacle 0",
     "a.csv --scale 0 --out f": "need a positive number of metres, got '0'",

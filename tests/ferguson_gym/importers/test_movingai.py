@@ -1,5 +1,7 @@
 """MovingAI maps and scenarios: fields of pairs, and maps that do not match."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array
@@ -49,6 +51,19 @@ def test_pairs_points_and_cells_are_as_asked_for(place):
         read_cells(place / "m.map"),
         np.array([[0, 0, 1, 0], [0, 1, 1, 0], [0, 0, 0, 0]], bool),
     )
+
+
+def test_gaps_of_no_width_between_cells_are_closed_when_asked_for(tmp_path):
+    path = tmp_path / "wall.map"
+    path.write_text("type octile\nheight 4\nwidth 4\nmap\n...@\n..@.\n.@..\n@...\n")
+    Path(f"{path}.scen").write_text("version 1\n0\twall.map\t4\t4\t0\t0\t3\t3\t9\n")
+    (field,) = read_map(path, cell=2.0)
+    assert exact_length(field) == pytest.approx(2.0 * 18.0**0.5)
+    (closed,) = read_map(path, cell=2.0, close_corners=True)
+    assert len(closed.obstacles) == len(field.obstacles) + 3
+    assert exact_length(closed) is None
+    (blocked,) = read_map(ARENA, pairs=range(1), close_corners=True)
+    assert len(blocked.obstacles) == len(next(read_map(ARENA)).obstacles)
 
 
 @pytest.mark.parametrize(
