@@ -51,10 +51,13 @@ _FEASIBLE = 0.3
 """Sum of violations that counts as zero, as a fraction of the tolerance aimed for."""
 _NEARLY_FEASIBLE = 1e-2
 """Violation [m] below which feasibility can be restored in a few steps."""
+_RESTORED = 0.1
+"""Radius [m] of the steps that restore the feasibility of an earlier iterate."""
 _Box: TypeAlias = tuple[Array, Array]
 CONVERGED = "converged"
 ABANDONED = "abandoned, behind another guess"
 DEADLINE = "deadline reached"
+RESTORED = "ended at its best nearly feasible iterate"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,6 +99,19 @@ class SearchState:
     seconds: float = 0.0
 
 
+@dataclass(slots=True, eq=False)
+class _Fallback:
+    """The best nearly feasible iterate of a search."""
+
+    x: Array | None = None
+    objective: float = math.inf
+
+    def keep(self, point: Iterate) -> None:
+        """Copy a point if it is better."""
+        if point.violation < _NEARLY_FEASIBLE and point.objective < self.objective:
+            self.x, self.objective = point.x.copy(), point.objective
+
+
 class Search:
     """Searches for local minima of one window, one after the other, reusing memory."""
 
@@ -107,6 +123,7 @@ class Search:
         n, m = chain.segments, len(self.box[0])
         room = min(max(256, 4 * n * len(obstacles)), 4096)
         self.fresh = self.layout = layout_of(window, obstacles)
+        self.cornered = not obstacles.are_discs
         self.end = self.fresh.place[-1, 2:4]
         kink = window.objective.kink
         self.kink = None if kink is None else (float(kink[0]), float(kink[1]))
@@ -143,7 +160,7 @@ class Search:
 
     def pin_contacts(self, state: SearchState, chain: Array) -> bool:
         """Add contacts at fixed parameters where certification fails; False if there are none."""
-        if state.status not in (CONVERGED, ABANDONED):
+        if state.status not in (CONVERGED, ABANDONED, RESTORED):
             return False
         clear, t = self.window.obstacles.closest(chain)
         segment, obstacle = np.nonzero(clear < -self.tolerance)
@@ -161,10 +178,12 @@ class Search:
         self._expand(here, state.x, elastic_qp.reach(region.radius))
         self._differentiate(here, here, np.zeros(len(here.tension)))
         accepted = Filter(max(options.max_violation, here.violation))
-        nearest = math.inf
+        nearest, fallback = math.inf, _Fallback()
         while True:
+            if self.cornered:
+                fallback.keep(here)
             if state.steps >= options.iterations:
-                return here, "out of iterations"
+                return self._fall_back(here, there, fallback, "out of iterations")
             if time.perf_counter() > self.until:
                 return here, DEADLINE
             state.steps += 1
@@ -184,7 +203,8 @@ class Search:
                     return there, reason
                 region.after_failed_restoration()
                 if region.collapsed:
-                    return here, "no feasible point near the end"
+                    reason = "no feasible point near the end"
+                    return self._fall_back(here, there, fallback, reason)
                 continue
             accepted.add(here.objective, here.violation)
             self._expand(there, here.x + trial.p, elastic_qp.reach(max(region.radius, trial.size)))
@@ -194,11 +214,24 @@ class Search:
             if ratio <= 0.0:
                 region.after_rejected_step(trial.size)
                 if region.collapsed:
-                    return here, "no step improves"
+                    return self._fall_back(here, there, fallback, "no step improves")
                 continue
             self._differentiate(there, here, trial.multipliers)
             here, there = there, here
             region.after_accepted_step(ratio, trial.size, options.max_radius)
+
+    def _fall_back(
+        self, here: Iterate, there: Iterate, fallback: _Fallback, reason: str
+    ) -> tuple[Iterate, str]:
+        """The feasible point near the best nearly feasible iterate, or the last iterate."""
+        if fallback.x is None or here.violation < _FEASIBLE * self.tolerance:
+            return here, reason
+        last = here.x.copy()
+        self._expand(here, fallback.x, elastic_qp.reach(_RESTORED))
+        if self._restore_feasibility(here, there, _RESTORED, self.box):
+            return there, RESTORED
+        self._expand(here, last, elastic_qp.reach(_RESTORED))
+        return here, reason
 
     def _trial_step(self, here: Iterate, region: TrustRegion) -> TrialStep | None:
         """The step of the quadratic program; None if that has no solution."""
@@ -229,7 +262,8 @@ class Search:
         """The Lagrangian at a point, with the multipliers of the step that led there."""
         chain = point.expansion, point.contacts
         pair = point.tension, point.multiplier
-        warm_start_multipliers(before.expansion, self.rows.taken, multipliers, *chain, *pair)
+        old = before.expansion, self.rows.taken, multipliers
+        warm_start_multipliers(*old, *chain, self.cornered, *pair)
         objective, out = (point.slope, point.curvature), (point.gradient, point.hessian)
         lagrangian(self.layout, *chain, *objective, *pair, BENDING, *out)
 

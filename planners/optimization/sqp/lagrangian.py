@@ -18,6 +18,7 @@ def warm_start_multipliers(
     multipliers: Array,
     new: Expansion,
     contacts: int,
+    across: bool,
     tension: Array,
     carried: Array,
 ) -> None:
@@ -29,6 +30,8 @@ def warm_start_multipliers(
         multipliers: (n + rows,) of the lengths and of those rows.
         new: the chain after the step.
         contacts: number of contacts of `new`.
+        across: whether contacts with obstacles may pass from one segment to the next, as they do
+            beside corners.
         tension: (n,) output, the multipliers of the lengths.
         carried: (room,) output; each multiplier goes to the nearest contact of the same kind.
     """
@@ -45,6 +48,12 @@ def warm_start_multipliers(
             if after.segment == before.segment and after.what == before.what:
                 apart = abs(after.t - before.t)
                 if apart < nearest:
+                    nearest, best = apart, candidate
+        if across and best < 0 and before.what >= 0:
+            for candidate in range(contacts):
+                after = new.contact[candidate]
+                apart = abs(after.t + after.segment - before.t - before.segment)
+                if after.what == before.what and apart < nearest:
                     nearest, best = apart, candidate
         if best >= 0:
             carried[best] += multipliers[index]

@@ -15,6 +15,7 @@ from planners.interface import State, Status, initial_state
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
+from tests.support.random_shapes import random_shapes
 
 
 def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:
@@ -62,6 +63,30 @@ def test_it_arrives_within_two_thousandths_of_the_exact_length(spec: str) -> Non
         exact = exact_length(field)
         assert exact is not None
         assert -1e-6 <= length(plan.control).sum() / exact - 1.0 < 2e-3, field.name
+
+
+@pytest.mark.parametrize("spec", ["town/train:0-3", "walls/train:0-3"])
+def test_it_arrives_among_buildings_and_walls(spec: str) -> None:
+    for field in get_fields(spec):
+        assert_arrives(field)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_it_arrives_among_obstacles_of_every_shape(seed: int) -> None:
+    obstacles = random_shapes(np.random.default_rng(seed), 40)
+    ends = np.array([[0.0, 0.0], [100.0, 100.0]])
+    free = (obstacles.signed_distance(ends) > 0.0).all(axis=0)
+    assert_arrives(Field(name="shapes", obstacles=obstacles.only(free)))
+
+
+def assert_arrives(field: Field) -> None:
+    """Certified, and within a few thousandths of the exact length."""
+    plan = make("guided").plan(field, initial_state(field), 0)
+    assert plan.success, field.name
+    assert is_feasible(plan.control, field).all()
+    exact = exact_length(field)
+    assert exact is not None
+    assert -1e-6 <= length(plan.control).sum() / exact - 1.0 < 4e-3, field.name
 
 
 def test_it_is_deterministic() -> None:

@@ -7,8 +7,12 @@ import pytest
 from hypothesis import assume, given, settings
 
 from ferguson_gym.curves.splines import derivative
+from ferguson_gym.world.field import Field
+from ferguson_gym.world.obstacles import Obstacles
+from ferguson_gym.world.transition import State
 from planners.optimization.sqp.contacts import LOW, SPEED
-from planners.optimization.window import Window
+from planners.optimization.sqp.lagrangian import warm_start_multipliers
+from planners.optimization.window import Window, WindowSettings, horizon_window
 from tests.support.expanded_windows import (
     Expanded,
     expanded,
@@ -109,3 +113,28 @@ def test_the_lagrangians_hessian_agrees_with_differences_of_its_gradient(
         if checked == 8:
             return
     pytest.fail(f"only {checked} chains found")
+
+
+@pytest.mark.parametrize("across", [False, True])
+def test_a_multiplier_follows_its_contact_across_a_joint(across: bool) -> None:
+    """The tip of a triangle beside a straight chain, whose joint moves past it."""
+    tip = Obstacles.polygons([[[10.0, 0.5], [8.0, -5.0], [12.0, -5.0]]])
+    field = Field(name="tip", obstacles=tip, start=[0.0, 1.0], goal=[40.0, 0.0])
+    along = np.array([9.8, 0.0])
+    window = horizon_window(field, State(field.start, along), WindowSettings(), 2)
+
+    def chain(joint: float) -> Expanded:
+        return expanded(window, np.concatenate([[joint, 1.0], along, [2.0 * joint, 1.0], along]))
+
+    old, new = chain(9.8), chain(10.2)
+    (before,), (after,) = (
+        np.flatnonzero((here.contact["what"] == 0) & (here.contact["drift"] != 0.0))
+        for here in (old, new)
+    )
+    assert old.contact["segment"][before] != new.contact["segment"][after]
+    tension, carried = np.empty(2), np.empty(len(new.out.contact))
+    multipliers = np.array([0.0, 0.0, 3.0])
+    taken, given = np.array([before]), (new.out, new.count, across, tension, carried)
+    warm_start_multipliers(old.out, taken, multipliers, *given)
+    assert carried[: new.count].sum() == (3.0 if across else 0.0)
+    assert carried[after] == (3.0 if across else 0.0)

@@ -127,3 +127,17 @@ def test_a_vehicle_in_a_house_has_no_feasible_window() -> None:
     (end,) = ALONE.solve(window, [straight_ahead(vehicle, 3, PAPER_LIMITS)])
     assert not end.feasible
     assert np.isfinite(end.control).all()
+
+
+@pytest.mark.parametrize("by", [[13.0, 5.0], [13.5, 3.0]])
+@pytest.mark.parametrize("radius", [0.0, 0.5])
+def test_a_search_that_stalls_ends_at_a_feasible_iterate(radius: float, by: list[float]) -> None:
+    """A joint slides round a corner, and later steps lead away from feasible chains."""
+    houses = HOUSES.grown(np.full(len(HOUSES), radius))
+    field = Field(name="houses", obstacles=houses, goal=[26.0, 24.0])
+    window, vehicle = final_window(field, initial_state(field), SMOOTH, 3), initial_state(field)
+    guess = along_route(vehicle, np.array([[0.0, 0.0], by, [24.0, 14.0], [26.0, 24.0]]), 3, 38.0)
+    (end,) = ALONE.solve(window, [guess])
+    assert end.feasible
+    assert_certified(window, end.control)
+    assert end.solution.objective < 38.9
