@@ -112,14 +112,15 @@ def _cost(
 
 @compiled
 def _depth(before_x: float, before_y: float, x: float, y: float, cores: Cores, one: int) -> float:
-    """Depth of the second of two points in an obstacle, or of the line between them in its core."""
+    """Depth of a line in the core that it crosses, or of its second end in the obstacle [m]."""
     first, end, radius = cores.first[one], cores.first[one + 1], cores.radii[one]
-    point = np.array([x, y])
-    depth = radius - nearest_on_core(point, cores.corners, first, end, (0, 1)).distance
     vx, vy = x - before_x, y - before_y
     if vx * vx + vy * vy > 0.0 and crosses(before_x, before_y, vx, vy, cores.corners, first, end):
-        depth = max(depth, radius + line_exit(x, y, vx, vy, cores.corners, first, end).depth)
-    return float(depth)
+        return float(radius + line_exit(x, y, vx, vy, cores.corners, first, end).depth)
+    if radius == 0.0:
+        return 0.0
+    point = np.array([x, y])
+    return float(radius - nearest_on_core(point, cores.corners, first, end, (0, 1)).distance)
 
 
 @compiled
