@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ferguson_gym.curves.convex_core import Cores, has_core, nearest_on_core, outward_normal
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 
 Ranges: TypeAlias = NDArray[np.float32]
 Integers: TypeAlias = NDArray[np.int64]
@@ -76,7 +76,7 @@ def keep_within(
     return kept
 
 
-@compiled
+@compiled_in_place
 def shorten_by_arc(
     ranges: Ranges, directions: Ranges, ahead: float, left: float, size: float
 ) -> None:
