@@ -2,7 +2,9 @@
 
 Among obstacles in the plane every homotopy class has exactly one taut path. Different routes
 through the tangent graph are therefore shortest paths of different classes, except for routes that
-differ only in an obstacle touched without turning; of these the tangent past it is kept. Routes
+differ only in an obstacle touched without turning; of these the tangent past it is kept. Where
+obstacles have a corner or a part of an edge in common, routes along one and the other are the same
+path, and one of them is kept. Routes
 are extended best first (A*). The exact distance to the goal is known from every node and serves as
 the heuristic, so that routes are completed in the order of their lengths. Among many discs see
 `goal_search.class_search`.
@@ -40,6 +42,9 @@ from ferguson_gym.shortest_paths.tangent_graph import WALL, Tracks, following
 from ferguson_gym.shortest_paths.tangents import arc_length, point_of
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
+
+_MOST_COPIES = 16
+"""Up to so many times the routes are found that are asked for, if copies are among them."""
 
 
 @compiled
@@ -110,6 +115,19 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
     x, y = finite("point", point, (2,))
     if k < 1:
         raise ValueError(f"at least 1 class must be asked for, got {k}")
+    number = k
+    while True:
+        found = _found(distance, x, y, number)
+        if distance.field.obstacles.are_discs:
+            return found
+        distinct = _distinct(found, distance.tolerance)
+        if len(distinct) >= k or len(found) < number or number >= _MOST_COPIES * k:
+            return distinct[:k]
+        number *= 2
+
+
+def _found(distance: DistanceToGoal, x: float, y: float, k: int) -> list[ShortestPath]:
+    """The k shortest routes from a point, the shortest first."""
     if distance.tracks is None:
         search, found, every = find_classes(distance.borrow(), x, y, distance.tolerance, k)
         distance.searches.append(search)
@@ -132,6 +150,30 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
         paths.append(distance.traced((x, y), turns, length))
     # sorted, since the last digit of a length depends on the order of its summands
     return sorted(paths, key=lambda path: path.length)
+
+
+def _distinct(paths: list[ShortestPath], tolerance: float) -> list[ShortestPath]:
+    """The paths without copies, that turn on other obstacles at the same places."""
+    distinct = list[ShortestPath]()
+    for path in paths:
+        if not any(_is_same(path, one, tolerance) for one in distinct):
+            distinct.append(path)
+    return distinct
+
+
+def _is_same(one: ShortestPath, other: ShortestPath, tolerance: float) -> bool:
+    """Whether two paths from the same point turn at the same places, up to a tolerance [m]."""
+    if abs(one.length - other.length) > tolerance:
+        return False
+    places, others = _turning_places(one, tolerance), _turning_places(other, tolerance)
+    return len(places) == len(others) and bool((np.abs(places - others) <= tolerance).all())
+
+
+def _turning_places(path: ShortestPath, tolerance: float) -> Array:
+    """Where a path turns, beyond a tolerance [m] from its start: (n, 2) [m]."""
+    places: Array = path.lines[:-1, 1][path.sweeps > MIN_SWEEP]
+    apart = np.linalg.norm(places - path.lines[0, 0], axis=1)
+    return places[np.cumsum(apart > tolerance) > 0]
 
 
 def best_classes(field: Field, point: ArrayLike, k: int) -> list[ShortestPath]:

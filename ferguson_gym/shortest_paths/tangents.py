@@ -130,21 +130,36 @@ def tangent_to_shape(shapes: Shapes, margin: float, track: int, x: float, y: flo
     c = near.corner
     if near.distance - radius > contact:
         c = _touched(shapes, i, c, sense, x, y)
-    elif near.is_edge:
-        if sense < 0.0:
-            c = last_corner(shapes, i, c)
-        at = shapes.corners[c].begin if sense > 0.0 else -end_of(shapes, i, c) % TWO_PI
-        return _to_corner(shapes, contact, track, c, at, x, y)
-    elif radius <= margin:
-        # lines from a point on a corner replace those that leave the corner
-        at = end_of(shapes, i, c) if sense > 0.0 else -shapes.corners[c].begin % TWO_PI
-        return _to_corner(shapes, contact, track, c, at, x, y)
+    else:
+        behind = last_corner(shapes, i, c)
+        on_corner = radius <= margin and not near.is_edge
+        if radius <= margin and near.is_edge:
+            # a corner is also a part of the edges beside it
+            if _apart(shapes, c, x, y) <= margin:
+                on_corner = True
+            elif _apart(shapes, behind, x, y) <= margin:
+                c, on_corner = behind, True
+        if on_corner:
+            # lines from a point on a corner replace those that leave the corner
+            at = end_of(shapes, i, c) if sense > 0.0 else -shapes.corners[c].begin % TWO_PI
+            return _to_corner(shapes, contact, track, c, at, x, y)
+        if near.is_edge:
+            c = c if sense > 0.0 else behind
+            at = shapes.corners[c].begin if sense > 0.0 else -end_of(shapes, i, c) % TWO_PI
+            return _to_corner(shapes, contact, track, c, at, x, y)
     corner = shapes.corners[c]
     length, ux, uy = tangent(corner.x - x, corner.y - y, sense * radius)
     at = corner_angle(shapes, i, c, sense, ux, uy)
     if near.distance - radius <= contact and at != angle(sense, ux, uy):
         return _to_corner(shapes, contact, track, c, at, x, y)
     return Touch(length, ux, uy, at)
+
+
+@compiled
+def _apart(shapes: Shapes, corner: int, x: float, y: float) -> float:
+    """Distance of a point from a corner [m]."""
+    q = shapes.corners[corner]
+    return float(np.sqrt((q.x - x) ** 2 + (q.y - y) ** 2))
 
 
 @compiled
