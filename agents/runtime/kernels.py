@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 
 from ferguson_gym.environment import ObstacleField
-from ferguson_gym.shortest_paths import exact_length
+from ferguson_gym.shortest_paths import exact_length, shortest_path
 from ferguson_gym.world import Field, Obstacles
 
 
@@ -27,3 +28,8 @@ def compile_kernels() -> None:
     env.step(np.zeros(4, np.float32))
     exact_length(field)
     field.obstacles.closest([[0.0, 0.0], [9.0, 0.0], [9.0, 0.0], [9.0, 0.0]])
+    # what discs do not need; the path follows an edge
+    block = Obstacles.polygons([[[19.0, 25.0], [15.0, 21.0], [21.0, 15.0], [25.0, 19.0]]])
+    shapes = replace(field, obstacles=Obstacles.joined([field.obstacles, block]))
+    shortest_path(shapes)
+    shapes.obstacles.gradient(shapes.start)

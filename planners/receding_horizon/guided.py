@@ -136,7 +136,7 @@ class Guided(StepByStep):
         """Choose the next segment and tentative further ones; the seed has no effect.
 
         Raises:
-            TypeError: obstacles other than discs in the plane.
+            TypeError: a field that is not planar.
         """
         began = time.perf_counter()
         if ends_on_goal(field, state) and (left := self._remaining(field, state)) is not None:

@@ -172,7 +172,10 @@ def _discs(problem: Problem) -> tuple[Array, Array]:
     for constraint in problem.constraints:
         if isinstance(constraint, SampledClearance):
             if not constraint.obstacles.are_discs:
-                raise TypeError(f"IPOPT needs discs, not {type(constraint.obstacles).__name__}")
+                raise TypeError(
+                    "IPOPT needs discs, since its distances are symbolic; ByExchange(Slsqp()) "
+                    "solves windows among obstacles of every shape"
+                )
             return constraint.obstacles.centers, constraint.obstacles.radii
     return np.empty((0, 2)), np.empty(0)
 

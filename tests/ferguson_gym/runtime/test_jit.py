@@ -162,7 +162,8 @@ def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
     return {(k.py_func.__module__, k.py_func.__name__, *map(str, k.signatures)) for k in found}
 
-fields = [get_field(name) for name in ("sparse/train:0", "traps/train:0", "paper:1")]
+names = "sparse/train:0", "traps/train:0", "paper:1", "town/train:2", "walls/train:1"
+fields = [get_field(name) for name in names]
 compile_kernels()
 for planner in PLANNERS:
     warm(planner)
