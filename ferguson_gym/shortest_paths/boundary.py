@@ -31,10 +31,11 @@ def walls(scene: Scene) -> tuple[Integers, Array]:
     """Obstacles, and counter-clockwise angles at which their boundaries are covered."""
     where, angles = [0 for _ in range(0)], [0.0 for _ in range(0)]
     discs, box, shapes = scene.discs, scene.box, scene.shapes
+    only_discs = len(shapes.first) == 0
     for i in range(len(discs)):
         x, y, radius = discs[i].x, discs[i].y, discs[i].radius
         right, top, left, bottom = x + radius, y + radius, x - radius, y - radius
-        if not is_disc(shapes, i):
+        if not (only_discs or is_disc(shapes, i)):
             right, top, left, bottom = _extent(shapes, i)
         beyond = (right > box[1, 0], top > box[1, 1], left < box[0, 0], bottom < box[0, 1])
         for side in range(4):
@@ -44,7 +45,7 @@ def walls(scene: Scene) -> tuple[Integers, Array]:
         for j in range(len(discs)):
             dx, dy = discs[j].x - x, discs[j].y - y
             apart = np.sqrt(dx * dx + dy * dy)
-            if is_disc(shapes, i) and is_disc(shapes, j):
+            if only_discs or (is_disc(shapes, i) and is_disc(shapes, j)):
                 # the boundary's point nearest to the other centre
                 if j != i and abs(apart - radius) < discs[j].reach:
                     where.append(i)

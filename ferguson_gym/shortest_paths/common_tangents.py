@@ -20,7 +20,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
+from ferguson_gym.shortest_paths.scene import Scene, is_clear_of, view
 from ferguson_gym.shortest_paths.shapes import Integers, Shapes, is_disc
 from ferguson_gym.shortest_paths.tangents import angle, corner_angle, is_within, tangent
 
@@ -47,7 +47,9 @@ class Tangents(NamedTuple):
 @compiled
 def tangents(scene: Scene) -> Tangents:
     """All collision-free common tangents of obstacles that end inside the bounds."""
-    discs, shapes = scene.discs, scene.shapes
+    discs, box, shapes = scene.discs, scene.box, scene.shapes
+    first, corners, radii, reach = shapes
+    only_discs = len(first) == 0  # asked once, since passing shapes on costs time
     room, count, most = 256, 0, 1
     leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     angles, lengths = np.empty((room, 2)), np.empty(room)
@@ -56,12 +58,12 @@ def tangents(scene: Scene) -> Tangents:
     touching = np.empty((16 * most, 4), dtype=np.int64)
     for i in range(len(discs)):
         one = discs[i]
-        around = view(discs, one.x, one.y)
+        order, near = view(discs, one.x, one.y)
         for j in range(i + 1, len(discs)):
             two = discs[j]
             x, y = two.x - one.x, two.y - one.y
             apart = np.sqrt(x * x + y * y)
-            both_discs = is_disc(shapes, i) and is_disc(shapes, j)
+            both_discs = only_discs or (is_disc(shapes, i) and is_disc(shapes, j))
             number = 4 if both_discs else _touching(shapes, i, j, scene.margin, touching)
             x_one, y_one, radius_one = one.x, one.y, one.radius
             x_two, y_two, radius_two = two.x, two.y, two.radius
@@ -81,16 +83,32 @@ def tangents(scene: Scene) -> Tangents:
                     continue
                 length, ux, uy = tangent(x, y, s - r)
                 x0, y0, far = x_one + r * uy, y_one - r * ux, np.sqrt(length * length + r * r)
-                if not is_within(scene.box, x0, y0):
+                if not is_within(box, x0, y0):
                     continue
-                if not is_within(scene.box, x_two + s * uy, y_two - s * ux):
+                if not is_within(box, x_two + s * uy, y_two - s * ux):
                     continue
                 if not both_discs:
                     dx, dy = x0 - one.x, y0 - one.y
                     far = np.sqrt(dx * dx + dy * dy)
                     dx, dy = x_two + s * uy - one.x, y_two - s * ux - one.y
                     far = max(far, np.sqrt(dx * dx + dy * dy))
-                if not is_clear(x0, y0, ux, uy, length, far, scene, around, i, j):
+                if not is_clear_of(
+                    x0,
+                    y0,
+                    ux,
+                    uy,
+                    length,
+                    far,
+                    discs,
+                    first,
+                    corners,
+                    radii,
+                    reach,
+                    order,
+                    near,
+                    i,
+                    j,
+                ):
                     continue
                 if count == room:
                     room *= 2
@@ -101,9 +119,9 @@ def tangents(scene: Scene) -> Tangents:
                 leave[count] = 2 * i + (0 if left > 0.0 else 1)
                 arrive[count] = 2 * j + (0 if right > 0.0 else 1)
                 angles[count, 0], angles[count, 1] = angle(left, ux, uy), angle(right, ux, uy)
-                if not is_disc(shapes, i):
+                if not (only_discs or is_disc(shapes, i)):
                     angles[count, 0] = corner_angle(shapes, i, a, left, ux, uy)
-                if not is_disc(shapes, j):
+                if not (only_discs or is_disc(shapes, j)):
                     angles[count, 1] = corner_angle(shapes, j, b, right, ux, uy)
                 lengths[count] = length
                 count += 1

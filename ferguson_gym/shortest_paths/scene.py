@@ -21,7 +21,6 @@ from ferguson_gym.shortest_paths.shapes import (
     Records,
     Shapes,
     enters,
-    is_disc,
     make_shapes,
     nearest_feature,
     no_shapes,
@@ -208,11 +207,52 @@ def is_clear(
     The line touches these two; -1 stands for none. All points of the line must lie within `far` [m]
     of the point for which `view` was computed.
     """
-    discs, shapes = scene.discs, scene.shapes
+    first, corners, radii, reach = scene.shapes
+    return is_clear_of(
+        x,
+        y,
+        ux,
+        uy,
+        length,
+        far,
+        scene.discs,
+        first,
+        corners,
+        radii,
+        reach,
+        view.order,
+        view.near,
+        one,
+        other,
+    )
+
+
+@compiled
+def is_clear_of(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    far: float,
+    discs: Records,
+    first: Integers,
+    corners: Records,
+    radii: Array,
+    reach: Array,
+    order: Integers,
+    near: Array,
+    one: int,
+    other: int,
+) -> bool:
+    """As `is_clear`, with scene and view in their parts.
+
+    Loops over thousands of lines call this one: each array of a tuple that is passed on costs time.
+    """
     for place in range(len(discs)):
-        if view.near[place] >= far:
+        if near[place] >= far:
             break
-        k = view.order[place]
+        k = order[place]
         if k in (one, other):
             continue
         disc = discs[k]
@@ -222,8 +262,9 @@ def is_clear(
             continue
         along = dx * ux + dy * uy
         beyond = -along if along < 0.0 else max(along - length, 0.0)
-        if beside * beside + beyond * beyond < disc.reach * disc.reach and (
-            is_disc(shapes, k) or enters(x, y, ux, uy, length, shapes, k)
-        ):
-            return False
+        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+            if len(first) == 0 or first[k + 1] - first[k] == 1:
+                return False
+            if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):
+                return False
     return True

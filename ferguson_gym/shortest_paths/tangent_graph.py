@@ -31,7 +31,7 @@ from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.boundary import walls
 from ferguson_gym.shortest_paths.common_tangents import Tangents, tangents
 from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
-from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, is_disc
+from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, is_disc, sweep
 from ferguson_gym.shortest_paths.tangents import (
     angle,
     arc_length,
@@ -145,7 +145,7 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
 @compiled
 def _search(scene: Scene, tracks: Tracks) -> None:
     """Dijkstra's algorithm from the goal backwards; fills togo, leave and least."""
-    togo = tracks.togo
+    togo, discs, only_discs = tracks.togo, scene.discs, len(scene.shapes.first) == 0
     heap = [(0.0, 0) for _ in range(0)]
     for node in range(len(togo)):
         if tracks.other[node] == GOAL:
@@ -163,7 +163,10 @@ def _search(scene: Scene, tracks: Tracks) -> None:
             heapq.heappush(heap, (togo[other], other))
         before = (node if node > tracks.first[track] else tracks.first[track + 1]) - 1
         if tracks.other[before] != WALL:
-            arc = arc_length(scene, track, tracks.angle[before], tracks.angle[node])
+            if only_discs:
+                arc = discs[track // 2].radius * sweep(tracks.angle[before], tracks.angle[node])
+            else:
+                arc = arc_length(scene, track, tracks.angle[before], tracks.angle[node])
             if way + arc < togo[before]:
                 togo[before], tracks.leave[before] = way + arc, tracks.leave[node]
                 heapq.heappush(heap, (togo[before], before))
