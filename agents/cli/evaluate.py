@@ -32,8 +32,8 @@ status, which is 0. After an interruption the same command resumes; if the resul
 only prints them again."""
 EPILOG = f"""\
 policies:
-  planners    {", ".join(list(PLANNERS)[:6])},
-              {", ".join(list(PLANNERS)[6:])}
+  planners    {", ".join(list(PLANNERS)[:7])},
+              {", ".join(list(PLANNERS)[7:])}
   options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
               NAME+sensing=METRES, also combined; single-start+from=POLICY and
               multi-start+from=POLICY use that policy's segments as initial

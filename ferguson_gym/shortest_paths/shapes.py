@@ -30,7 +30,7 @@ _STEP = 2.0**-46
 """Angle between an edge's end and a wall on it [rad]: far above rounding, and far below what a
 corner turns by."""
 _ROUNDING = 1e-9
-"""An angle less than this short of a full turn is none, but for rounding [rad]."""
+"""An angle closer to a full turn than this is a rounded zero [rad]."""
 
 CORNER = np.dtype(
     [
