@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from textwrap import wrap
 
 from agents.cli import shared_options as shared
 from agents.cli.arguments import (
@@ -30,10 +31,10 @@ Fly every policy through the same fields in the environment; print tables and wr
 timings.csv, paths.npz, summary.json, figures and report.html. Failed flights do not change the exit
 status, which is 0. After an interruption the same command resumes; if the results are complete, it
 only prints them again."""
+_INDENT = "\n" + 14 * " "
 EPILOG = f"""\
 policies:
-  planners    {", ".join(list(PLANNERS)[:7])},
-              {", ".join(list(PLANNERS)[7:])}
+  planners    {_INDENT.join(wrap(", ".join(PLANNERS), 66))}
   options     NAME+turn=METRES, NAME+backtrack, NAME+margin=METRES,
               NAME+sensing=METRES, also combined; single-start+from=POLICY and
               multi-start+from=POLICY use that policy's segments as initial
