@@ -14,7 +14,7 @@ import numpy as np
 
 from ferguson_gym.guidance.margins import Solids, outside
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import (
@@ -31,7 +31,7 @@ from ferguson_gym.shortest_paths.shapes import (
     sweep,
 )
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, WALL, Tracks
-from ferguson_gym.shortest_paths.tangents import angle, tangent, tangent_to_shape
+from ferguson_gym.shortest_paths.tangents import Touch, angle, tangent, tangent_to_shape
 
 NODE = np.dtype(
     [
@@ -119,13 +119,13 @@ def path_tree(
 
 
 @compiled
-def _following(tree: PathTree, track: int, at: float) -> int:
+def _following(firsts: Integers, nodes: Records, track: int, at: float) -> int:
     """The first node of a track at or after an angle, or -1 if the track has none."""
-    low, end = tree.first[track], tree.first[track + 1]
+    low, end = firsts[track], firsts[track + 1]
     first, high = low, end
     while low < high:
         middle = (low + high) // 2
-        if tree.nodes[middle].angle < at:
+        if nodes[middle].angle < at:
             low = middle + 1
         else:
             high = middle
@@ -135,14 +135,10 @@ def _following(tree: PathTree, track: int, at: float) -> int:
 
 
 @compiled
-def _is_clear(
-    x: float, y: float, ux: float, uy: float, length: float, tree: PathTree, i: int
+def _is_clear_of_discs(
+    x: float, y: float, ux: float, uy: float, length: float, discs: Array, i: int
 ) -> bool:
-    """Whether a line from (x, y) in a unit direction meets no obstacle except `i`.
-
-    The line touches that one.
-    """
-    discs, shapes = tree.discs, tree.shapes
+    """Whether a line from (x, y) in a unit direction meets no disc except `i`, which it touches."""
     hits = 0
     for k in range(discs.shape[1]):
         dx, dy = discs[0, k] - x, discs[1, k] - y
@@ -150,8 +146,21 @@ def _is_clear(
         beyond = max(-along, along - length)
         beyond = beyond if beyond > 0.0 else 0.0
         hits += (beside * beside + beyond * beyond < discs[3, k] * discs[3, k]) & (k != i)
-    if hits == 0 or len(shapes.first) == 0:
-        return hits == 0
+    return hits == 0
+
+
+@compiled
+def _is_clear_of_shapes(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    discs: Array,
+    shapes: Shapes,
+    i: int,
+) -> bool:
+    """As `_is_clear_of_discs`, where discs bound other shapes."""
     for k in range(discs.shape[1]):
         dx, dy = discs[0, k] - x, discs[1, k] - y
         beside, along = dx * uy - dy * ux, dx * ux + dy * uy
@@ -162,10 +171,30 @@ def _is_clear(
     return True
 
 
+@compiled_in_place
+def _is_clear(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    discs: Array,
+    shapes: Shapes,
+    i: int,
+) -> bool:
+    """Whether a line from (x, y) in a unit direction meets no obstacle except `i`.
+
+    The line touches that one.
+    """
+    clear = _is_clear_of_discs(x, y, ux, uy, length, discs, i)
+    if not clear and len(shapes.first) > 0:
+        clear = _is_clear_of_shapes(x, y, ux, uy, length, discs, shapes, i)
+    return clear
+
+
 @compiled
-def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
-    """Fill bounds (2, n) of paths from a point by each track [m]; count obstacles that hold it."""
-    discs, least, shapes = tree.discs, tree.least, tree.shapes
+def _bound(discs: Array, least: Array, x: float, y: float, bounds: Array) -> int:
+    """Fill bounds (2, n) of paths from a point by each track [m]; count discs that hold it."""
     within = 0
     for k in range(discs.shape[1]):
         dx, dy, radius = discs[0, k] - x, discs[1, k] - y, discs[2, k]
@@ -174,6 +203,15 @@ def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
         tangential = np.sqrt(beyond if beyond > 0.0 else 0.0)
         bounds[0, k], bounds[1, k] = tangential + least[0, k], tangential + least[1, k]
         within += np.sqrt(square) < radius
+    return within
+
+
+@compiled
+def _bound_shapes(
+    discs: Array, least: Array, shapes: Shapes, x: float, y: float, bounds: Array
+) -> int:
+    """Correct bounds where discs bound other shapes; count those that hold it outside these."""
+    free = 0
     for k in range(len(shapes.first) - 1):
         if is_disc(shapes, k):
             continue
@@ -182,33 +220,44 @@ def _bound(tree: PathTree, x: float, y: float, bounds: Array) -> int:
         beside = max(apart - radius, 0.0)
         bounds[0, k], bounds[1, k] = beside + least[0, k], beside + least[1, k]
         if apart < radius and nearest_feature(shapes, k, x, y).distance >= shapes.radii[k]:
-            within -= 1
+            free += 1
+    return free
+
+
+@compiled_in_place
+def _prepare(tree: PathTree, x: float, y: float, bounds: Array) -> int:
+    """Fill bounds (2, n) of paths from a point by each track [m]; count obstacles that hold it."""
+    within = _bound(tree.discs, tree.least, x, y, bounds)
+    if len(tree.shapes.first) > 0:
+        within -= _bound_shapes(tree.discs, tree.least, tree.shapes, x, y, bounds)
     return within
 
 
-@compiled
+@compiled_in_place
 def _by_track(
     tree: PathTree, x: float, y: float, side: int, i: int, best: _Departure
 ) -> _Departure:
     """The path around an obstacle on one side, if it is free and shorter than the best so far."""
-    discs, shapes, sense, track = tree.discs, tree.shapes, 1.0 - 2.0 * side, 2 * i + side
-    if is_disc(shapes, i):
-        line, ux, uy = tangent(discs[0, i] - x, discs[1, i] - y, sense * discs[2, i])
-        at = angle(sense, ux, uy)
+    if is_disc(tree.shapes, i):
+        sense = 1.0 - 2.0 * side
+        line, ux, uy = tangent(tree.discs[0, i] - x, tree.discs[1, i] - y, sense * tree.discs[2, i])
+        touch = Touch(line, ux, uy, angle(sense, ux, uy))
     else:
-        margin = shapes.radii[i] - shapes.reach[i]
-        line, ux, uy, at = tangent_to_shape(shapes, margin, track, x, y)
-    node = _following(tree, track, at)
-    if node < 0:
-        return best
-    there = tree.nodes[node]
-    length = line + _arc(tree, track, at, there.angle) + there.togo
-    if length < best[0] and _is_clear(x, y, ux, uy, line, tree, i):
-        return length, ux, uy, track, at, line
+        margin = tree.shapes.radii[i] - tree.shapes.reach[i]
+        touch = tangent_to_shape(tree.shapes, margin, 2 * i + side, x, y)
+    node = _following(tree.first, tree.nodes, 2 * i + side, touch.at)
+    length = np.inf
+    if node >= 0:
+        there = tree.nodes[node]
+        length = touch.length + _arc(tree, 2 * i + side, touch.at, there.angle) + there.togo
+    if length < best[0] and _is_clear(
+        x, y, touch.ux, touch.uy, touch.length, tree.discs, tree.shapes, i
+    ):
+        best = (length, touch.ux, touch.uy, 2 * i + side, touch.at, touch.length)
     return best
 
 
-@compiled
+@compiled_in_place
 def _arc(tree: PathTree, track: int, before: float, after: float) -> float:
     """Length of a track between two angles [m]."""
     i, turn = track // 2, sweep(before, after)
@@ -222,7 +271,7 @@ def _arc(tree: PathTree, track: int, before: float, after: float) -> float:
 def _departure(tree: PathTree, x: float, y: float, bounds: Array) -> _Departure:
     """How the shortest path from a point in no obstacle to the goal leaves it.
 
-    As `ferguson_gym.shortest_paths.departures.shortest_departure`, with what `_bound` has filled.
+    As `ferguson_gym.shortest_paths.departures.shortest_departure`, with what `_prepare` has filled.
     Sides of obstacles are tried in the order of their bounds until one leads to the goal, then all
     whose bound is less than the best length: a search for the least bound would take longer.
     """
@@ -234,7 +283,7 @@ def _departure(tree: PathTree, x: float, y: float, bounds: Array) -> _Departure:
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return 0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0
-    if _is_clear(x, y, dx / distance, dy / distance, distance, tree, -1):
+    if _is_clear(x, y, dx / distance, dy / distance, distance, discs, tree.shapes, -1):
         return distance, dx / distance, dy / distance, STRAIGHT, 0.0, distance
     while best[0] == np.inf:
         bound, side, i = np.inf, -1, -1
@@ -281,9 +330,9 @@ def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places
     unit = frame[3, 0]
     bounds = np.empty((2, discs.shape[1]))
     x, y = from_x, from_y
-    if _bound(tree, x, y, bounds) > 0:
+    if _prepare(tree, x, y, bounds) > 0:
         x, y, _ = outside(x, y, Solids(discs[:2], discs[2], shapes), frame[3, 1])
-        if _bound(tree, x, y, bounds) > 0:
+        if _prepare(tree, x, y, bounds) > 0:
             return np.inf
     length, ux, uy, track, at, line = _departure(tree, x, y, bounds)
     if length == np.inf:
@@ -295,7 +344,7 @@ def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places
         number = _on_line(from_x, from_y, way_x, way_y, 0.0, moved, unit, distances, places, number)
     end = moved + line
     number = _on_line(x, y, ux, uy, moved, end, unit, distances, places, number)
-    node = _following(tree, track, at) if track >= 0 else -1
+    node = _following(tree.first, tree.nodes, track, at) if track >= 0 else -1
     while node >= 0 and number < len(distances):
         leave, begin = tree.nodes[node], end
         i, sense = track // 2, 1.0 - 2.0 * (track % 2)

@@ -13,10 +13,16 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.scene import Scene, View, is_clear, view
-from ferguson_gym.shortest_paths.shapes import Shapes, is_disc, nearest_feature, sweep
+from ferguson_gym.shortest_paths.scene import Scene, View, is_clear, is_clear_of_discs, view
+from ferguson_gym.shortest_paths.shapes import Records, Shapes, is_disc, nearest_feature, sweep
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, following
-from ferguson_gym.shortest_paths.tangents import arc_length, tangent_from
+from ferguson_gym.shortest_paths.tangents import (
+    angle,
+    arc_length,
+    tangent,
+    tangent_from,
+    tangent_to_shape,
+)
 
 STRAIGHT, NOWHERE = -1, -2
 """Values used instead of a track's index: straight to the goal, and no path."""
@@ -36,6 +42,73 @@ class Departure(NamedTuple):
     """Angle at which it reaches that [rad]."""
     line: float
     """Length of its first line [m]."""
+
+
+@compiled
+def _view_of_discs(
+    discs: Records, box: Array, margin: float, x: float, y: float, tolerance: float
+) -> tuple[bool, Records]:
+    """As `point_view`, where every obstacle is a disc."""
+    slack = tolerance - margin
+    free = box[0, 0] - slack <= x <= box[1, 0] + slack
+    free = free and box[0, 1] - slack <= y <= box[1, 1] + slack
+    copied = False
+    for k in range(len(discs)):
+        disc = discs[k]
+        distance = np.sqrt((disc.x - x) ** 2 + (disc.y - y) ** 2)
+        if distance < disc.radius - tolerance:
+            free = False
+        elif distance < disc.radius:
+            if not copied:
+                discs, copied = discs.copy(), True
+            discs[k].reach = min(disc.reach, distance - margin)
+    return free, discs
+
+
+@compiled
+def _departure_among_discs(
+    discs: Records,
+    box: Array,
+    margin: float,
+    tracks: Tracks,
+    goal: Array,
+    x: float,
+    y: float,
+    tolerance: float,
+) -> Departure:
+    best = Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
+    free, discs = _view_of_discs(discs, box, margin, x, y, tolerance)
+    if not free:
+        return best
+    around = view(discs, x, y)
+    dx, dy = goal[0] - x, goal[1] - y
+    distance = np.sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
+    ux, uy = dx / distance, dy / distance
+    if is_clear_of_discs(x, y, ux, uy, distance, distance, discs, around, -1, -1):
+        best = Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
+    bounds = np.empty(len(tracks.least))
+    for track in range(len(bounds)):
+        disc = discs[track // 2]
+        square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
+        bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
+    for track in np.argsort(bounds):
+        if bounds[track] >= best.distance:
+            break
+        disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
+        length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
+        at = angle(sense, ux, uy)
+        node = following(tracks, track, at)
+        distance = np.inf
+        if node >= 0:
+            distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
+        i = track // 2
+        if distance < best.distance and is_clear_of_discs(
+            x, y, ux, uy, length, length, discs, around, i, i
+        ):
+            best = Departure(distance, ux, uy, track, at, length)
+    return best
 
 
 @compiled
@@ -99,10 +172,14 @@ def shortest_departure(
     scene: Scene, tracks: Tracks, goal: Array, x: float, y: float, tolerance: float
 ) -> Departure:
     """How the shortest path from a point to the goal leaves the point."""
+    if len(scene.shapes.first) == 0:
+        return _departure_among_discs(
+            scene.discs, scene.box, scene.margin, tracks, goal, x, y, tolerance
+        )
     free, near = point_view(scene, x, y, tolerance)
     if not free:
         return Departure(np.inf, 0.0, 0.0, NOWHERE, 0.0, 0.0)
-    discs = near.discs
+    discs, shapes = near.discs, near.shapes
     around = view(discs, x, y)
     best = straight(near, around, x, y, goal)
     bounds = np.empty(len(tracks.least))
@@ -110,10 +187,11 @@ def shortest_departure(
         disc = discs[track // 2]
         square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
         bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
-        if not is_disc(near.shapes, track // 2):
+    for track in range(len(bounds) if len(shapes.first) > 0 else 0):
+        if not is_disc(shapes, track // 2):
             bounds[track] = tracks.least[track]
             if tracks.least[track] < best.distance:
-                bounds[track] += tangent_from(near, track, x, y).length
+                bounds[track] += tangent_to_shape(shapes, near.margin, track, x, y).length
     for track in np.argsort(bounds):
         if bounds[track] >= best.distance:
             break

@@ -268,3 +268,35 @@ def is_clear_of(
             if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):
                 return False
     return True
+
+
+@compiled
+def is_clear_of_discs(
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    far: float,
+    discs: Records,
+    view: View,
+    one: int,
+    other: int,
+) -> bool:
+    """As `is_clear`, where every obstacle is a disc: half as long as the general case."""
+    for place in range(len(discs)):
+        if view.near[place] >= far:
+            break
+        k = view.order[place]
+        if k in (one, other):
+            continue
+        disc = discs[k]
+        dx, dy = disc.x - x, disc.y - y
+        beside = dx * uy - dy * ux
+        if abs(beside) >= disc.reach:
+            continue
+        along = dx * ux + dy * uy
+        beyond = -along if along < 0.0 else max(along - length, 0.0)
+        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+            return False
+    return True
