@@ -14,7 +14,7 @@ import numpy as np
 
 from ferguson_gym.guidance.margins import Solids, outside
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled, compiled_in_place
+from ferguson_gym.runtime.jit import compiled, compiled_in_place, unowned
 from ferguson_gym.shortest_paths.departures import NOWHERE, STRAIGHT
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import (
@@ -324,7 +324,7 @@ def _on_line(
 
 
 @compiled
-def _look(tree: PathTree, from_x: float, from_y: float, distances: Array, places: Array) -> float:
+def look(tree: PathTree, from_x: float, from_y: float, distances: Array, places: Array) -> float:
     """As `look_ahead`, from one point; returns the length of the path [m]."""
     discs, frame, shapes = tree.discs, tree.frame, tree.shapes
     unit = frame[3, 0]
@@ -385,59 +385,7 @@ def look_ahead(tree: PathTree, points: Array, distances: Array, places: Array, t
         places: (m, n, 2), filled [m]; those beyond the goal are on it.
         togo: (m,), filled [m]; infinite where there is no path, and places mean nothing then.
     """
+    tree = unowned(tree)  # the caller holds it
     for i in range(len(points)):
         along = distances[i % len(distances)]
-        togo[i] = _look(tree, points[i, 0], points[i, 1], along, places[i])
-
-
-class Forest(NamedTuple):
-    """Many trees, one behind the other."""
-
-    parts: Integers
-    """(trees, 6) number of obstacles of each, and where its parts begin in the next three; number
-    of corners, 0 if its obstacles are discs, and where these begin."""
-    numbers: Array
-    """`discs`, `least` and `frame`, and `radii` and `reach` of shapes."""
-    first: Integers
-    """`first` of each, and that of shapes."""
-    nodes: Records
-    """`nodes` of each."""
-    corners: Records
-    """`corners` of shapes of each."""
-
-
-@compiled
-def look_ahead_each(
-    forest: Forest,
-    which: Integers,
-    points: Array,
-    distances: Array,
-    places: Array,
-    togo: Array,
-) -> None:
-    """As `look_ahead`, each point (m,) in a tree of its own: infinite where `which` is negative."""
-    for i in range(len(points)):
-        togo[i] = np.inf
-        if which[i] < 0:
-            continue
-        n, begin, first, node, number, corner = forest.parts[which[i]]
-        least, frame = begin + 4 * n, begin + 6 * n
-        radii, shape = frame + 8, first + 2 * n + 1
-        until = forest.first[first + 2 * n]
-        shaped = n if number > 0 else 0
-        shapes = Shapes(
-            forest.first[shape : shape + (n + 1 if number > 0 else 0)],
-            forest.corners[corner : corner + number],
-            forest.numbers[radii : radii + shaped],
-            forest.numbers[radii + shaped : radii + 2 * shaped],
-        )
-        tree = PathTree(
-            forest.numbers[begin:least].reshape(4, n),
-            forest.numbers[frame : frame + 8].reshape(4, 2),
-            forest.first[first : first + 2 * n + 1],
-            forest.numbers[least:frame].reshape(2, n),
-            forest.nodes[node : node + until],
-            shapes,
-        )
-        along = distances[i % len(distances)]
-        togo[i] = _look(tree, points[i, 0], points[i, 1], along, places[i])
+        togo[i] = look(tree, points[i, 0], points[i, 1], along, places[i])

@@ -7,7 +7,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ferguson_gym.guidance.path_tree import NODE, Forest, PathTree, look_ahead_each
+from ferguson_gym.guidance.forest import Forest, look_ahead_each
+from ferguson_gym.guidance.path_tree import NODE, PathTree
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.shapes import CORNER, Integers
 

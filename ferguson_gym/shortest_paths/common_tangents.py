@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 from ferguson_gym.shortest_paths.scene import Scene, is_clear_of, view
 from ferguson_gym.shortest_paths.shapes import Integers, Shapes, is_disc
 from ferguson_gym.shortest_paths.tangents import angle, corner_angle, is_within, tangent
@@ -47,6 +47,7 @@ class Tangents(NamedTuple):
 @compiled
 def tangents(scene: Scene) -> Tangents:
     """All collision-free common tangents of obstacles that end inside the bounds."""
+    scene = unowned(scene)  # the caller holds it
     discs, box, shapes = scene.discs, scene.box, scene.shapes
     first, corners, radii, reach = shapes
     only_discs = len(first) == 0  # asked once, since passing shapes on costs time
@@ -58,7 +59,8 @@ def tangents(scene: Scene) -> Tangents:
     touching = np.empty((16 * most, 4), dtype=np.int64)
     for i in range(len(discs)):
         one = discs[i]
-        order, near = view(discs, one.x, one.y)
+        around = view(discs, one.x, one.y)
+        order, near = unowned(around)
         for j in range(i + 1, len(discs)):
             two = discs[j]
             x, y = two.x - one.x, two.y - one.y
@@ -125,6 +127,8 @@ def tangents(scene: Scene) -> Tangents:
                     angles[count, 1] = corner_angle(shapes, j, b, right, ux, uy)
                 lengths[count] = length
                 count += 1
+        if len(around.near) < 0:  # a last use, which keeps the view's memory alive until here
+            break
     return Tangents(leave[:count], arrive[:count], angles[:count], lengths[:count])
 
 
