@@ -15,7 +15,7 @@ from typing import ClassVar, NamedTuple
 
 from ferguson_gym.world import Field, transition
 from planners.interface import Decision, Knowledge, State, WindowReport
-from planners.optimization.convex import ChainSolver, Effort, Found, nominal_chain
+from planners.optimization.convex import ChainSolver, Effort, Found, detour, nominal_chain
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep, remaining_plan
 
@@ -81,6 +81,8 @@ class Convex(StepByStep):
             nominal = nominal_chain(field, vehicle, grain.stride, self.segments)
             if nominal is None:
                 break
+            if nominal.route < field.limits.shortest:
+                return detour(field, vehicle), effort
             found, effort = self.solver.solve(field, vehicle, nominal, grain.parts, effort)
             if found is not None:
                 return found, effort

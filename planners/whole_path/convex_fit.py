@@ -7,6 +7,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, transition
 from planners.optimization.convex import ChainSolver, nominal_along
+from planners.optimization.convex.last_segment import last_segment
 
 _SOLVER = ChainSolver(rounds=3, iterations=2000, rows=4000, enough=0.0)
 _GRAINS = ((6.0, 3), (5.0, 5), (4.0, 6))
@@ -22,6 +23,8 @@ def convex_fit(points: Array, field: Field, vehicle: transition.State) -> Array 
         vehicle: where the first segment begins.
     """
     length = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    if length < field.limits.shortest:
+        return last_segment(field, vehicle)
     for stride, parts in _GRAINS:
         nominal = nominal_along(points, length, vehicle, field, stride)
         found, _ = _SOLVER.solve(field, vehicle, nominal, parts)

@@ -146,9 +146,9 @@ def test_a_copy_makes_only_the_fields_that_it_flies(monkeypatch: pytest.MonkeyPa
     env = ObstacleField(fields=MAX_FIELDS)
     env.reset(seed=0)
     env.reset()
-    made, usual = [], Settings.discs
+    made, usual = [], Settings.drawn
     monkeypatch.setattr(
-        Settings, "discs", lambda self, seed: (made.append(seed), usual(self, seed))[1]
+        Settings, "drawn", lambda self, seed: (made.append(seed), usual(self, seed))[1]
     )
     again = copy.deepcopy(env)
     assert len(made) == 1  # the field of the flight

@@ -9,10 +9,11 @@ from typing import Any
 
 COLOURS = (
     *("#0b5fa5", "#e07b00", "#1e8449", "#c0392b", "#8e44ad", "#17a2b8", "#d63384"),
-    *("#7a5c2e", "#9aa50f", "#3b3b98", "#f4b000", "#444444", "#f28cb1"),
+    *("#7a5c2e", "#9aa50f", "#3b3b98", "#f4b000", "#444444", "#f28cb1", "#00b388"),
+    "#a65628",
 )
 """At least as many different colours as there are planners."""
-MARKERS = "osD^vP<X>pd8*"
+MARKERS = "osD^vP<X>pd8*hH"
 
 
 @dataclass(frozen=True, slots=True)

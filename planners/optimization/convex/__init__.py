@@ -7,5 +7,6 @@ certified by a number of quadratic programs that has a bound.
 from planners.optimization.convex.chain_solver import ChainSolver as ChainSolver
 from planners.optimization.convex.chain_solver import Effort as Effort
 from planners.optimization.convex.chain_solver import Found as Found
+from planners.optimization.convex.chain_solver import detour as detour
 from planners.optimization.convex.chain_solver import nominal_along as nominal_along
 from planners.optimization.convex.chain_solver import nominal_chain as nominal_chain

@@ -14,6 +14,7 @@ from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal, distance_to_go
 from ferguson_gym.world import Field, Step, is_feasible, transition
 from planners.optimization.certification import target_tolerance
+from planners.optimization.convex.last_segment import last_segment
 from planners.optimization.convex.program import Surroundings, Terminal, Weights, assemble
 from planners.optimization.convex.solver import solve
 from planners.optimization.convex.turning_half_planes import even_parts
@@ -136,6 +137,15 @@ class ChainSolver:
             if found.excess <= self.enough:
                 break
         return best, effort
+
+
+def detour(field: Field, vehicle: transition.State) -> Found | None:
+    """A last segment from nearer to the goal than the shortest segment, without a program."""
+    control = last_segment(field, vehicle)
+    if control is None:
+        return None
+    step = transition.fly_segment(field, vehicle, control[0])
+    return Found(control, step, np.inf) if step.flown else None
 
 
 def nominal_chain(

@@ -366,4 +366,4 @@ def test_what_was_finished_is_kept_when_a_planner_is_at_fault(
 def test_every_planner_of_the_catalog_has_a_colour_and_a_marker_of_its_own() -> None:
     ours = [make for make in PLANNERS.values() if make.__module__.startswith("planners.")]
     for values in (styles.COLOURS, styles.MARKERS):
-        assert len(set(values)) == len(values) >= len(ours) >= 13
+        assert len(set(values)) == len(values) >= len(ours) >= 15
