@@ -26,9 +26,20 @@ if find_spec("shapely") is not None:
     READERS["town.geojson"] = read_geojson
 
 
+def read(file: Path, name: str) -> list[Field]:
+    """The fields of a file, by the reader of an example."""
+    made = READERS[name](file)
+    return [made] if isinstance(made, Field) else list(made)
+
+
 @pytest.fixture(scope="module")
 def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("worlds")
+
+
+@pytest.mark.parametrize("name", sorted(READERS))
+def test_undamaged_sources_are_fields(name: str) -> None:
+    assert read(WORLDS / name, name)
 
 
 @fuzzed("importers", few=40, many=4000, name=st.sampled_from(sorted(READERS)), data=st.data())
@@ -39,9 +50,5 @@ def test_damaged_sources_are_fields_or_refused(place: Path, name: str, data: Any
     kinds = [damaged(whole), *([twisted(whole)] if name.endswith("json") else [])]
     (place / name).write_bytes(data.draw(st.one_of(kinds)))
 
-    def read() -> list[Field]:
-        made = READERS[name](place / name)
-        return [made] if isinstance(made, Field) else list(made)
-
-    for field in attempt(read) or []:
+    for field in attempt(read, place / name, name) or []:
         is_sound(field)
