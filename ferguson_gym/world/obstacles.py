@@ -17,8 +17,8 @@ from ferguson_gym.curves.clearance import closest, obstacle_clearance
 from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.curves.splines import as_control, to_bezier
 from ferguson_gym.runtime.arrays import Array, GenericArray, finite, frozen, real
-from ferguson_gym.world import core_distance
-from ferguson_gym.world.convex_hulls import hulls, warn_of_hulls
+from ferguson_gym.world.cores import distance as core_distance
+from ferguson_gym.world.cores.hulls import hulls, warn_of_hulls
 
 MANY = 1000
 """Among more obstacles than these, those near a point or segment are looked up by coordinates."""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.curves.core_pairs import boundaries_apart, cores_gap
-from ferguson_gym.world.convex_hulls import hull
+from ferguson_gym.world.cores.hulls import hull
 
 TURNS = np.linspace(0.0, 2.0 * np.pi, 7201)[:-1]
 UNITS = np.stack([np.cos(TURNS), np.sin(TURNS)])
