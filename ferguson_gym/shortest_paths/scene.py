@@ -8,13 +8,13 @@ passage, however narrow. Obstacles smaller than the margin are ignored.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.shortest_paths.shapes import (
     TWO_PI,
     Integers,
@@ -189,6 +189,18 @@ def view(discs: Records, x: float, y: float) -> View:
     return View(order, near[order])
 
 
+@compiled_in_place
+def comes_within(x: float, y: float, ux: float, uy: float, length: float, disc: Any) -> bool:
+    """Whether a line from (x, y) in a unit direction comes nearer to a disc than its reach."""
+    dx, dy = disc.x - x, disc.y - y
+    beside, within = dx * uy - dy * ux, False
+    if abs(beside) < disc.reach:
+        along = dx * ux + dy * uy
+        beyond = -along if along < 0.0 else max(along - length, 0.0)
+        within = beside * beside + beyond * beyond < disc.reach * disc.reach
+    return within
+
+
 @compiled
 def is_clear(
     x: float,
@@ -255,14 +267,7 @@ def is_clear_of(
         k = order[place]
         if k in (one, other):
             continue
-        disc = discs[k]
-        dx, dy = disc.x - x, disc.y - y
-        beside = dx * uy - dy * ux
-        if abs(beside) >= disc.reach:
-            continue
-        along = dx * ux + dy * uy
-        beyond = -along if along < 0.0 else max(along - length, 0.0)
-        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+        if comes_within(x, y, ux, uy, length, discs[k]):
             if len(first) == 0 or first[k + 1] - first[k] == 1:
                 return False
             if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):
@@ -290,13 +295,6 @@ def is_clear_of_discs(
         k = view.order[place]
         if k in (one, other):
             continue
-        disc = discs[k]
-        dx, dy = disc.x - x, disc.y - y
-        beside = dx * uy - dy * ux
-        if abs(beside) >= disc.reach:
-            continue
-        along = dx * ux + dy * uy
-        beyond = -along if along < 0.0 else max(along - length, 0.0)
-        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+        if comes_within(x, y, ux, uy, length, discs[k]):
             return False
     return True

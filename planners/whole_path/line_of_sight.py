@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import point_view
-from ferguson_gym.shortest_paths.scene import Scene, scene
+from ferguson_gym.shortest_paths.scene import Scene, comes_within, scene
 from ferguson_gym.shortest_paths.shapes import Integers, Records, Shapes, enters
 from ferguson_gym.world.field import Field
 
@@ -81,14 +81,7 @@ def keeps_clear(
     length = np.sqrt(dx * dx + dy * dy)
     ux, uy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
     for k in range(len(discs)):
-        disc = discs[k]
-        off_x, off_y = disc.x - x, disc.y - y
-        beside = off_x * uy - off_y * ux
-        if abs(beside) >= disc.reach:
-            continue
-        along = off_x * ux + off_y * uy
-        beyond = -along if along < 0.0 else max(along - length, 0.0)
-        if beside * beside + beyond * beyond < disc.reach * disc.reach:
+        if comes_within(x, y, ux, uy, length, discs[k]):
             if len(first) == 0 or first[k + 1] - first[k] == 1:
                 return False
             if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):
