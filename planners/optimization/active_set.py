@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from numpy.typing import NDArray
+
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 
@@ -97,13 +99,15 @@ def _drop(basis: Array, triangle: Array, place: int, active: int) -> None:
 
 
 @compiled
-def _most_violated(rows: Array, least: Array, x: Array) -> tuple[int, float]:
+def _most_violated(
+    rows: Array, offsets: NDArray[np.int64], least: Array, x: Array
+) -> tuple[int, float]:
     """The row that a point violates most, and its value, which is negative; -1 if none is."""
     which, value = -1, -_VIOLATED
     for i in range(len(rows)):
-        row, here = rows[i], -least[i]
-        for j in range(len(x)):
-            here += row[j] * x[j]
+        here, begin = -least[i], offsets[i]
+        for j in range(rows.shape[1]):
+            here += rows[i, j] * x[begin + j]
         if here < value:
             which, value = i, here
     return which, value
@@ -111,14 +115,21 @@ def _most_violated(rows: Array, least: Array, x: Array) -> tuple[int, float]:
 
 @compiled
 def minimise(
-    hessian: Array, gradient: Array, rows: Array, least: Array, x: Array, cap: int
+    hessian: Array,
+    gradient: Array,
+    rows: Array,
+    offsets: NDArray[np.int64],
+    least: Array,
+    x: Array,
+    cap: int,
 ) -> tuple[int, int]:
     """Minimise 1/2 x' H x + g' x subject to A x >= b.
 
     Args:
         hessian: (m, m) H, positive definite; its lower triangle is read.
         gradient: (m,) g.
-        rows: (r, m) A, with normals of similar size.
+        rows: (r, w) entries of A, with normals of similar size; the rest of each row is zero.
+        offsets: (r,) column of the first of them; all zero where w is m.
         least: (r,) b.
         x: (m,), filled with the minimum if there is one.
         cap: maximum number of iterations, each of which lets a row enter or leave the active set.
@@ -141,18 +152,19 @@ def minimise(
         for j in range(m):
             x[i] += basis[i, j] * share[j]
     active, iterations = 0, 0
-    entering, value = _most_violated(rows, least, x)
+    entering, value = _most_violated(rows, offsets, least, x)
     pressure = 0.0  # the multiplier of the entering row
     while entering >= 0:
         if iterations >= cap:
             return CAPPED, iterations
         iterations += 1
-        normal = rows[entering]
         whole = free = 0.0
+        share[:] = 0.0
+        for i in range(rows.shape[1]):
+            entry, place = rows[entering, i], offsets[entering] + i
+            for j in range(m):
+                share[j] += basis[place, j] * entry
         for j in range(m):
-            share[j] = 0.0
-            for i in range(m):
-                share[j] += basis[i, j] * normal[i]
             whole += share[j] * share[j]
             if j >= active:
                 free += share[j] * share[j]
@@ -184,7 +196,7 @@ def minimise(
             _add(basis, triangle, share, active)
             members[active], multipliers[active] = entering, pressure
             active += 1
-            entering, value = _most_violated(rows, least, x)
+            entering, value = _most_violated(rows, offsets, least, x)
             pressure = 0.0
         else:
             _drop(basis, triangle, leaving, active)
