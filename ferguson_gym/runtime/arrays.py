@@ -16,6 +16,8 @@ GenericArray: TypeAlias = NDArray[Any]
 LARGEST = 1e120
 """Upper limit of numbers from outside: their fourth powers are finite, as every proof needs."""
 
+_DOUBLE = np.dtype(np.float64)
+
 
 def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Array:
     """Return `value` as a C-contiguous float64 array.
@@ -23,6 +25,8 @@ def real(name: str, value: ArrayLike, kind: str = "an array of numbers") -> Arra
     Raises:
         ValueError: not an array of real numbers; the message names it and the `kind` expected.
     """
+    if type(value) is np.ndarray and value.dtype is _DOUBLE and value.flags.c_contiguous:
+        return value  # most arrays
     try:
         array = np.asarray(value)
     except ValueError as error:  # ragged lists
@@ -68,6 +72,8 @@ def check_size(name: str, array: GenericArray) -> None:
     Raises:
         ValueError: an entry that is NaN, infinite or beyond `LARGEST`.
     """
+    if abs(np.vdot(array, array)) <= LARGEST**2:
+        return  # most arrays; what follows takes several times as long
     size = np.abs(array)
     if not (size <= LARGEST).all():
         wrong = array[~(size <= LARGEST)][0]

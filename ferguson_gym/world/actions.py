@@ -112,6 +112,32 @@ def decode_into(
         control[1, 0], control[1, 1] = goal[0], goal[1]
 
 
+@compiled
+def encode_into(
+    action: Action, segment: Array, position: Array, derivative: Array, unit: float
+) -> bool:
+    """`encode` into an action (4,), without its checks; False if no action reaches the end."""
+    turn = heading(derivative[0], derivative[1]).conjugate()
+    offset = complex(segment[1, 0] - position[0], segment[1, 1] - position[1])
+    step = offset * turn / (unit * REACH)
+    slope = complex(segment[3, 0], segment[3, 1]) * turn / (unit * SPREAD)
+    # poles of the inverse maps lie outside the reachable set
+    if not abs(step) < 1.0 / SHARE:
+        return False
+    there = (step - SHARE) / (1.0 - SHARE * step)
+    action[0] = min(max(there.real, -1.0), 1.0)
+    action[1] = min(max(there.imag, -1.0), 1.0)
+    # the axes are turned as the rounded action will turn them
+    slope *= _arrival(end_point(float(action[0]), float(action[1]))).conjugate()
+    along, across = np.arcsinh(slope.real) / FINENESS, np.arcsinh(slope.imag) / FINENESS
+    if not abs(along) < 1.0 / OFFSET:
+        return False
+    along = (along - OFFSET) / (1.0 - OFFSET * along)
+    action[2], action[3] = min(max(along, -1.0), 1.0), min(max(across, -1.0), 1.0)
+    largest = max(abs(there.real), abs(there.imag), abs(along), abs(across))
+    return bool(largest <= 1.0 + 1e-9)
+
+
 def check_action(action: ArrayLike, where: str = "") -> Array:
     """Return an action (4,) in double precision.
 
@@ -206,29 +232,16 @@ def encode(segment: ArrayLike, position: Array, derivative: Array, unit: float =
         [[0.0, 0.0], [9.0, 3.0], [9.0, 0.0], [9.0, 6.0]]
     """
     control = finite("segment", segment, (4, 2))
-    ahead = finite("derivative", derivative, (2,))
-    turn = heading(ahead[0], ahead[1]).conjugate()
-    offset = control[1] - finite("position", position, (2,))
-    step = complex(offset[0], offset[1]) * turn / (unit * REACH)
-    slope = complex(control[3, 0], control[3, 1]) * turn / (unit * SPREAD)
-    # poles of the inverse maps lie outside the reachable set
-    if inside := abs(step) < 1.0 / SHARE:
-        there = _unshifted(step, SHARE)
-        point = np.clip([there.real, there.imag], -1.0, 1.0).astype(np.float32)
-        # the axes are turned as the rounded action will turn them
-        slope *= _arrival(end_point(float(point[0]), float(point[1]))).conjugate()
-        along, across = np.arcsinh([slope.real, slope.imag]) / FINENESS
-        if inside := abs(along) < 1.0 / OFFSET:
-            action = np.array([there.real, there.imag, _unshifted(along, OFFSET), across])
-            inside = bool(np.abs(action).max() <= 1.0 + 1e-9)
-    if not inside:
+    here, ahead = finite("position", position, (2,)), finite("derivative", derivative, (2,))
+    action = np.empty(4, np.float32)
+    if not encode_into(action, control, here, ahead, unit):
+        offset = control[1] - here
         raise ValueError(
-            f"no action reaches a segment that ends {abs(step) * unit * REACH:.6g} m away with "
+            f"no action reaches a segment that ends {np.hypot(*offset):.6g} m away with "
             f"derivative {np.linalg.norm(control[3]):.6g} m per unit t; feasible segments "
             f"stay within {unit * REACH:g} m and {unit * STEEPEST:g} m per unit t"
         )
-    single: Action = np.clip(action, -1.0, 1.0).astype(np.float32)
-    return single
+    return action
 
 
 def encode_ends(

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.world.actions import check_actions, decode, decode_into, encode
-from ferguson_gym.world.feasibility import Inspection, inspect
+from ferguson_gym.curves.certified_kernels import Scratch
+from ferguson_gym.curves.nearest_point import Rows
+from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.world.actions import check_actions, decode, decode_into, encode, encode_into
+from ferguson_gym.world.feasibility import (
+    FieldValues,
+    Inspection,
+    PlainValues,
+    as_values,
+    field_values,
+    inspect,
+    inspect_segment,
+    scratch_for,
+)
 from ferguson_gym.world.field import Field
+from ferguson_gym.world.limits import PAPER_LONGEST
+from ferguson_gym.world.obstacles import MANY
 from ferguson_gym.world.outcome import Outcome
 
 
@@ -78,7 +93,8 @@ def advance(field: Field, state: State, action: ArrayLike) -> Step:
     """
     limits = field.limits
     control = decode(action, state.position, state.derivative, field.goal, limits.gate, limits.unit)
-    return _step(field, state, control, inspect(control, field))
+    found = inspect(control, field)
+    return _step(field, state, control, found, found.outcome(field.limits))
 
 
 def advance_all(field: Field, states: Sequence[State], actions: ArrayLike) -> list[Step]:
@@ -94,29 +110,78 @@ def advance_all(field: Field, states: Sequence[State], actions: ArrayLike) -> li
         decode_into(one, action, state.position, state.derivative, field.goal, gate, unit)
     found = inspect(control, field)
     columns = (found.length, found.clearance, found.bounds_margin, found.speed)
-    return [
-        _step(
-            field,
-            state,
-            one,
-            Inspection(length=length, clearance=clearance, bounds_margin=margin, speed=speed),
-        )
-        for state, one, length, clearance, margin, speed in zip(
-            states, control, *columns, strict=True
-        )
-    ]
+    steps = []
+    for state, one, *values in zip(states, control, *columns, strict=True):
+        certified = _inspection(*values)
+        steps.append(_step(field, state, one, certified, certified.outcome(field.limits)))
+    return steps
 
 
-def _step(field: Field, state: State, control: Array, inspection: Inspection) -> Step:
-    """The step along a segment (4, 2) with these certified properties."""
-    outcome = inspection.outcome(field.limits)
+def _inspection(length: Any, clearance: Any, margin: Any, speed: Any) -> Inspection:
+    return Inspection(length=length, clearance=clearance, bounds_margin=margin, speed=speed)
+
+
+def _step(
+    field: Field, state: State, control: Array, inspection: Inspection, outcome: Outcome
+) -> Step:
+    """The step along a segment (4, 2) with these certified properties, which say its outcome."""
     if outcome is Outcome.FLYING:
         state = State(control[1], control[3], state.segments + 1)
-        if np.array_equal(control[1], field.goal):
+        if (control[1] == field.goal).all():
             outcome = Outcome.GOAL_REACHED
         elif state.segments >= field.limits.segments:
             outcome = Outcome.OUT_OF_SEGMENTS
     return Step(control=control, inspection=inspection, state=state, outcome=outcome)
+
+
+INEXPRESSIBLE = -1
+"""Result of `fly_into` for a segment that no action expresses."""
+_OUTCOMES = {outcome.code: outcome for outcome in Outcome}
+
+
+@compiled
+def fly_into(
+    control: Array,
+    segment: Array,
+    position: Array,
+    derivative: Array,
+    values: FieldValues,
+    found: Array,
+    scratch: Scratch,
+) -> int:
+    """`fly_segment` for compiled functions, without its checks.
+
+    Args:
+        control: (4, 2), filled with the segment as flown.
+        segment: (4, 2) to be flown.
+        position: (2,) of the vehicle [m].
+        derivative: (2,) of the vehicle [m per unit t].
+        values: of the field.
+        found: (4,), filled with what `inspect_segment` finds.
+        scratch: memory, as of `ferguson_gym.world.feasibility.scratch_for`.
+
+    Returns:
+        The code of FLYING, also where the flight ends, or of the first failure; INEXPRESSIBLE if
+        no action expresses the segment.
+    """
+    limits = values.limits
+    unit, action = limits.longest / PAPER_LONGEST, np.empty(4, np.float32)
+    if not encode_into(action, segment, position, derivative, unit):
+        return INEXPRESSIBLE
+    decode_into(control, action, position, derivative, values.goal, limits.gate, unit)
+    return inspect_segment(control, values, found, scratch)
+
+
+@compiled
+def _fly(
+    segment: Array, position: Array, derivative: Array, plain: PlainValues, axes: Rows
+) -> tuple[int, Array, Array]:
+    """As `fly_into`: the code, the segment as flown, and what is found about it."""
+    values = as_values(plain)
+    control, found = np.empty((4, 2)), np.empty(4)
+    scratch = scratch_for(values, axes)
+    code = fly_into(control, segment, position, derivative, values, found, scratch)
+    return code, control, found
 
 
 def fly_segment(field: Field, state: State, segment: ArrayLike) -> Step:
@@ -128,5 +193,12 @@ def fly_segment(field: Field, state: State, segment: ArrayLike) -> Step:
     Raises:
         ValueError: no action expresses the segment.
     """
-    action = encode(segment, state.position, state.derivative, field.limits.unit)
-    return advance(field, state, action)
+    control = finite("segment", segment, (4, 2))
+    # copies, since a field's start is read-only, which kernels would be compiled for once more
+    position, derivative = np.array(state.position), np.array(state.derivative)
+    if len(field.obstacles) > MANY:  # looked up by coordinates
+        return advance(field, state, encode(control, position, derivative, field.limits.unit))
+    code, flown, found = _fly(control, position, derivative, field_values(field), (0, 1))
+    if code == INEXPRESSIBLE:
+        encode(control, position, derivative, field.limits.unit)  # says why
+    return _step(field, state, flown, _inspection(*found), _OUTCOMES[code])
