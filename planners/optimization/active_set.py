@@ -12,7 +12,6 @@ Reference:
 from __future__ import annotations
 
 import numpy as np
-
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array

@@ -6,10 +6,10 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world import Field, transition
-from planners.optimization.convex import ChainSolver, nominal_along
+from planners.optimization.convex import Caps, ChainSolver, nominal_along
 from planners.optimization.convex.last_segment import last_segment
 
-_SOLVER = ChainSolver(rounds=3, iterations=2000, rows=4000, enough=0.0)
+_SOLVER = ChainSolver(caps=Caps(rows=4000, iterations=2000), enough=0.0)
 _GRAINS = ((6.0, 3), (5.0, 5), (4.0, 6))
 """Stride [m] of nominal segments and parts of each, tried until a chain is certified."""
 

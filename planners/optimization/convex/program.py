@@ -13,13 +13,19 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ferguson_gym.curves.convex_core import nearest_on_core, outward_normal
 from ferguson_gym.curves.splines import basis
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from planners.optimization.convex.turning_half_planes import ROWS, fill_rows
+from planners.optimization.convex.obstacle_rows import Surroundings, add_obstacles
+from planners.optimization.convex.rows import (
+    ENTRIES,
+    Program,
+    Weights,
+    add_row,
+    place_of,
+    unknowns,
+)
 from planners.optimization.quadrature import BENDING
 
 _NODES, _NODE_WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -28,43 +34,10 @@ _SLOPES = basis(0.5 * (_NODES + 1.0), 1)
 _HODOGRAPH = np.array([[0.0, 0.0, 1.0, 0.0], [-3.0, 3.0, -1.0, -1.0], [0.0, 0.0, 0.0, 1.0]])
 """Bézier points of X'(t) from the rows of a control array."""
 _BEZIER = np.array([[1, 0, 0, 0], [1, 0, 1 / 3, 0], [0, 1, 0, -1 / 3], [0, 1, 0, 0]])
-_AXES = (0, 1)
 _SMOOTH_ROWS = 4 + 12
 """Rows of a segment at most that are not those of obstacles."""
 _MIN_SPEED = 1e-6
 """Derivatives below this count as having it [m per unit t]."""
-
-
-class Weights(NamedTuple):
-    """Constants of the program."""
-
-    bending: float = 1e-5
-    """Weight of the integral of |X''|^2 over t [1/m]."""
-    damping: float = 1e-4
-    """Weight of the square of every change: it chooses among equally long parametrisations."""
-    reach: float = 1.0
-    """Distance from the nominal chain within which obstacles have rows [m]."""
-    margin: float = 2e-6
-    """Distance from obstacles that the rows keep, so that rounding breaks none [m]."""
-    progress: float = 0.2
-    """Least derivative in the direction of a segment's chord, relative to that."""
-    change: float = 5.0
-    """Largest change of a coordinate [m]."""
-
-
-class Surroundings(NamedTuple):
-    """Obstacles: convex cores grown by radii, in the balls that bound them."""
-
-    centers: Array
-    """(2, N) of the balls [m]."""
-    balls: Array
-    """(N,) radii of the balls [m]."""
-    corners: Array
-    """(2, c) of the cores [m]."""
-    first: NDArray[np.int64]
-    """(N + 1,) index of the first corner of each core."""
-    radii: Array
-    """(N,) by which the cores are grown [m]."""
 
 
 class Terminal(NamedTuple):
@@ -77,39 +50,6 @@ class Terminal(NamedTuple):
     uy: float
     bend: float
     """Curvature of the level line of the distance to go there [1/m]."""
-
-
-class Program(NamedTuple):
-    """min 1/2 x' H x + g' x with lower <= (x, A x) <= upper, as DAQP takes it."""
-
-    hessian: Array
-    """(m, m)."""
-    gradient: Array
-    """(m,)."""
-    rows: Array
-    """(r, m) A."""
-    lower: Array
-    """(m + r,)."""
-    upper: Array
-    """(m + r,)."""
-
-
-@compiled
-def unknowns(segments: int, final: bool) -> int:
-    """Number m of unknowns of a chain."""
-    return 4 * segments - 2 if final else 4 * segments
-
-
-@compiled
-def place_of(k: int, a: int, d: int, segments: int, final: bool) -> int:
-    """The unknown that is coordinate d of row a of segment k; -1 if that is fixed."""
-    if a == 0 or a == 2:
-        k, a = k - 1, a + 1
-    if k < 0:
-        return -1
-    if final and k == segments - 1:
-        return -1 if a == 1 else 4 * k + d
-    return 4 * k + d if a == 1 else 4 * k + 2 + d
 
 
 @compiled
@@ -153,72 +93,6 @@ def _add_bending(control: Array, k: int, n: int, final: bool, weight: float, out
 
 
 @compiled
-def _add_row(
-    weights: Array, least: float, k: int, n: int, final: bool, count: int, out: Program
-) -> int:
-    """Add the row weights . change >= least of a segment; returns the number of rows."""
-    some = False
-    row = out.rows[count]
-    row[:] = 0.0
-    for a in range(4):
-        for d in range(2):
-            place = place_of(k, a, d, n, final)
-            if place >= 0 and weights[a, d] != 0.0:
-                row[place] += weights[a, d]
-                some = True
-    if not some:  # nothing can change it
-        return count
-    m = len(out.gradient)
-    out.lower[m + count], out.upper[m + count] = least, 1e30
-    return count + 1
-
-
-@compiled
-def _normals_of(
-    ends: Array, corners: Array, first: int, end: int, point: Array, normal: Array
-) -> tuple[bool, complex, complex]:
-    """Unit normals away from a core at both ends (2, 2) of a part; False if one has none."""
-    found = (1.0 + 0.0j, 1.0 + 0.0j)
-    for side in range(2):
-        point[0], point[1] = ends[side, 0], ends[side, 1]
-        near = nearest_on_core(point, corners, first, end, _AXES)
-        outward_normal(point, near, corners, first, end, _AXES, normal)
-        if normal[0] == 0.0 and normal[1] == 0.0:
-            return False, found[0], found[1]
-        here = complex(normal[0], normal[1])
-        found = (here, found[1]) if side == 0 else (found[0], here)
-    return True, found[0], found[1]
-
-
-@compiled
-def _supports(corners: Array, k: int, first: int, end: int, one: complex, two: complex) -> bool:
-    """Whether a corner is the foremost one for a direction between two normals.
-
-    Those at which the core ends for either normal, and those between them, all of which the
-    normals' cone contains.
-    """
-    if end - first == 1:
-        return True
-    before, after = k - 1 if k > first else end - 1, k + 1 if k + 1 < end else first
-    # the normals at a corner are those between the normals of its two edges; both cones are convex
-    for normal in (one, two):
-        rise_before = rise_after = 0.0
-        rise_before += normal.real * (corners[0, before] - corners[0, k])
-        rise_before += normal.imag * (corners[1, before] - corners[1, k])
-        rise_after += normal.real * (corners[0, after] - corners[0, k])
-        rise_after += normal.imag * (corners[1, after] - corners[1, k])
-        if rise_before <= 0.0 and rise_after <= 0.0:
-            return True
-    if end - first == 2:
-        return False
-    ex, ey = corners[0, k] - corners[0, before], corners[1, k] - corners[1, before]
-    edge = complex(ey, -ex)  # outwards, the core is on the left of its edges
-    return (edge * one.conjugate()).imag * (edge * two.conjugate()).imag < 0.0 and (
-        edge * (one + two).conjugate()
-    ).real > 0.0
-
-
-@compiled
 def _add_progress(
     control: Array,
     k: int,
@@ -236,13 +110,13 @@ def _add_progress(
     ux, uy = cx / chord, cy / chord
     # a segment is no shorter than its chord
     row[0, 0], row[0, 1], row[1, 0], row[1, 1] = -ux, -uy, ux, uy
-    count = _add_row(row, shortest + given.margin - chord, k, n, final, count, out)
+    count = add_row(row, shortest + given.margin - chord, k, n, final, count, out)
     for i in range(3):
         value = -given.progress * chord
         for a in range(4):
             row[a, 0], row[a, 1] = _HODOGRAPH[i, a] * ux, _HODOGRAPH[i, a] * uy
             value += row[a, 0] * control[a, 0] + row[a, 1] * control[a, 1]
-        count = _add_row(row, -value, k, n, final, count, out)
+        count = add_row(row, -value, k, n, final, count, out)
     return count
 
 
@@ -272,60 +146,22 @@ def _add_bounds(
                 row[:] = 0.0
                 for a in range(4):
                     row[a, d] = sign * _BEZIER[i, a]
-                count = _add_row(row, -room, k, n, final, count, out)
+                count = add_row(row, -room, k, n, final, count, out)
     return count
 
 
 @compiled
-def _add_obstacles(
-    control: Array,
-    k: int,
-    n: int,
-    final: bool,
-    parts: Array,
-    around: Surroundings,
-    given: Weights,
-    count: int,
-    out: Program,
-) -> int:
-    """Add the half-planes of a segment; returns a number beyond the rows if there are too few."""
-    weights, values = np.empty((ROWS, 4, 2)), np.empty(ROWS)
-    ends, point, normal = np.empty((2, 2)), np.empty(2), np.empty(2)
-    corners, first = around.corners, around.first
-    for p in range(len(parts)):
-        part = parts[p]
-        for d in range(2):
-            ends[0, d] = ends[1, d] = 0.0
-            for a in range(4):
-                ends[0, d] += part[0, a] * control[a, d]
-                ends[1, d] += part[3, a] * control[a, d]
-        mx, my = 0.5 * (ends[0, 0] + ends[1, 0]), 0.5 * (ends[0, 1] + ends[1, 1])
-        half = 0.5 * np.sqrt((ends[1, 0] - ends[0, 0]) ** 2 + (ends[1, 1] - ends[0, 1]) ** 2)
-        for one in range(len(around.balls)):
-            wide = around.balls[one] + given.reach + half
-            dx, dy = around.centers[0, one] - mx, around.centers[1, one] - my
-            if dx * dx + dy * dy > wide * wide:
-                continue
-            begin, end = first[one], first[one + 1]
-            if end - begin > 1:
-                point[0], point[1] = mx, my
-                near = nearest_on_core(point, corners, begin, end, _AXES)
-                if near.distance > around.radii[one] + given.reach + half:
-                    continue
-            known, before, after = _normals_of(ends, corners, begin, end, point, normal)
-            if not known:
-                continue
-            keep = around.radii[one] + given.margin
-            for corner in range(begin, end):
-                if not _supports(corners, corner, begin, end, before, after):
-                    continue
-                if count + ROWS > len(out.rows):
-                    return len(out.rows) + 1
-                x, y = corners[0, corner], corners[1, corner]
-                fill_rows(part, control, before, after, x, y, keep, weights, values)
-                for i in range(ROWS):
-                    count = _add_row(weights[i], -values[i], k, n, final, count, out)
-    return count
+def _add_limits(most_change: float, out: Program) -> int:
+    """Add the rows that limit the changes of the unknowns; returns their number."""
+    m, width = len(out.gradient), out.rows.shape[1]
+    for i in range(m):
+        offset = min(i, m - width)
+        for side in range(2):
+            row = out.rows[2 * i + side]
+            row[:] = 0.0
+            row[i - offset] = 1.0 - 2.0 * side
+            out.offsets[2 * i + side], out.least[2 * i + side] = offset, -most_change
+    return 2 * m
 
 
 @compiled
@@ -344,7 +180,7 @@ def _add_terminal(terminal: Terminal, n: int, out: Program) -> None:
 def assemble(
     control: Array,
     terminal: Terminal,
-    parts: Array,
+    parts: int,
     bounds: Array,
     around: Surroundings,
     shortest: float,
@@ -356,7 +192,7 @@ def assemble(
     Args:
         control: (n, 4, 2) nominal chain [m], from which the half-planes get their normals.
         terminal: of the chain.
-        parts: (p, 4, 4) of `even_parts`, the parts of each segment.
+        parts: number of even parts of each segment; they are halved where normals turn far.
         bounds: (2, 2) of the field [m].
         around: obstacles of the field.
         shortest: length of a segment at least [m].
@@ -367,13 +203,19 @@ def assemble(
         Whether the rows were enough, and the program.
     """
     n, final = len(control), terminal.final
-    m, count = unknowns(n, final), 0
+    m = unknowns(n, final)
     out = Program(
-        np.zeros((m, m)), np.zeros(m), np.empty((most, m)), np.empty(m + most), np.empty(m + most)
+        np.zeros((m, m)),
+        np.zeros(m),
+        np.empty((most, min(m, ENTRIES))),
+        np.empty(most, np.int64),
+        np.empty(most),
     )
+    if 2 * m > most:
+        return False, out
+    count = _add_limits(given.change, out)
     for i in range(m):
         out.hessian[i, i] = given.damping
-        out.lower[i], out.upper[i] = -given.change, given.change
     for k in range(n):
         _add_length(control[k], k, n, final, out)
         _add_bending(control[k], k, n, final, given.bending, out)
@@ -381,12 +223,10 @@ def assemble(
             return False, out
         count = _add_progress(control[k], k, n, final, shortest, given, count, out)
         count = _add_bounds(control[k], k, n, final, bounds, given, count, out)
-        count = _add_obstacles(control[k], k, n, final, parts, around, given, count, out)
+        count = add_obstacles(control[k], k, n, final, parts, around, given, count, out)
         if count > most:
             return False, out
     if not final:
         _add_terminal(terminal, n, out)
-    end = m + count
-    return True, Program(
-        out.hessian, out.gradient, out.rows[:count], out.lower[:end], out.upper[:end]
-    )
+    rows, offsets, least = out.rows[:count], out.offsets[:count], out.least[:count]
+    return True, Program(out.hessian, out.gradient, rows, offsets, least)

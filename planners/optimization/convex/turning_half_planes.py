@@ -18,7 +18,6 @@ Reference:
 
 from __future__ import annotations
 
-from functools import lru_cache
 from math import comb
 
 import numpy as np
@@ -36,25 +35,33 @@ product."""
 _TO_BEZIER = np.array([[1, 0, 0, 0], [1, 0, 1 / 3, 0], [0, 1, 0, -1 / 3], [0, 1, 0, 0]])
 
 
-@lru_cache(maxsize=16)
-def even_parts(number: int) -> Array:
-    """Bézier points (number, 4, 4) of even parts of a segment, from the rows of its control array.
+@compiled
+def fill_part(begin: float, end: float, part: Array) -> None:
+    """Fill the Bézier points of a part of a segment, as weights of the rows of its control array.
 
-    They are weights: `even_parts(n) @ control` are the points (n, 4, 2).
+    Args:
+        begin: of the part, in [0, 1].
+        end: of the part.
+        part: (4, 4), filled: `part @ control` are the points (4, 2).
     """
-    parts = []
-    for k in range(number):
-        begin, end = k / number, (k + 1) / number
-        points = []
-        for ends in range(4):  # the blossom at 3 - `ends` times the begin and `ends` times the end
-            weights = _TO_BEZIER
-            for t in [begin] * (3 - ends) + [end] * ends:
-                weights = (1.0 - t) * weights[:-1] + t * weights[1:]
-            points.append(weights[0])
-        parts.append(points)
-    weights = np.array(parts)
-    weights.flags.writeable = False
-    return weights
+    for ends in range(4):  # the blossom at 3 - `ends` times the begin and `ends` times the end
+        for a in range(4):
+            one, two, three, four = (
+                _TO_BEZIER[0, a],
+                _TO_BEZIER[1, a],
+                _TO_BEZIER[2, a],
+                _TO_BEZIER[3, a],
+            )
+            t = begin if ends < 3 else end
+            one, two, three = (
+                one + t * (two - one),
+                two + t * (three - two),
+                three + t * (four - three),
+            )
+            t = begin if ends < 2 else end
+            one, two = one + t * (two - one), two + t * (three - two)
+            t = begin if ends < 1 else end
+            part[ends, a] = one + t * (two - one)
 
 
 @compiled
@@ -72,7 +79,7 @@ def fill_rows(
     """Fill the rows of a part of a segment that keep it from a corner.
 
     Args:
-        part: (4, 4) of `even_parts`.
+        part: (4, 4) of `fill_part`.
         control: (4, 2) segment at which the values are those of the inequality [m].
         first: unit normal at the part's begin, away from the corner.
         last: unit normal at its end.

@@ -4,17 +4,10 @@ import numpy as np
 import pytest
 
 from ferguson_gym.world.obstacles import Obstacles
-from planners.optimization.convex.program import (
-    Program,
-    Surroundings,
-    Terminal,
-    Weights,
-    assemble,
-    place_of,
-    unknowns,
-)
-from planners.optimization.convex.solver import solve
-from planners.optimization.convex.turning_half_planes import even_parts
+from planners.optimization.convex.obstacle_rows import Surroundings
+from planners.optimization.convex.program import Terminal, assemble
+from planners.optimization.convex.rows import Program, Weights, place_of, unknowns
+from planners.optimization.convex.solver import Caps, Solution, solve
 from planners.optimization.quadrature import bending, lengths
 
 BOUNDS = np.array([[-50.0, -50.0], [150.0, 150.0]])
@@ -43,7 +36,7 @@ def written(
     fits, program = assemble(
         control,
         terminal,
-        even_parts(3),
+        3,
         BOUNDS,
         around(obstacles),
         3.0,
@@ -52,6 +45,10 @@ def written(
     )
     assert fits
     return program
+
+
+def solved(control: np.ndarray, obstacles: Obstacles, weights: Weights) -> Solution:
+    return solve(control, OPEN, 3, BOUNDS, around(obstacles), 3.0, weights, Caps(2000, 500))
 
 
 def changed(control: np.ndarray, change: np.ndarray, final: bool) -> np.ndarray:
@@ -109,21 +106,20 @@ def scattered(seed: int) -> Obstacles:
 
 
 def test_what_keeps_all_rows_is_clear_of_the_obstacles_that_have_rows() -> None:
-    solved = 0
+    number = 0
     for seed in range(60):
         control, obstacles = chain(seed, 3), scattered(seed)
         wide = Weights(reach=100.0)
-        program = written(control, OPEN, obstacles, wide)
-        found = solve(program, control, False, 500)
-        if found.control is None:
+        found = solved(control, obstacles, wide)
+        if not found.found:
             continue
-        solved += 1
+        number += 1
         assert obstacles.clearance(found.control).min() > 0.0
-    assert solved > 20
+    assert number > 20
 
 
 def test_too_many_rows_are_reported() -> None:
-    arguments = (even_parts(3), BOUNDS, around(scattered(0)), 3.0, Weights(reach=100.0))
+    arguments = (3, BOUNDS, around(scattered(0)), 3.0, Weights(reach=100.0))
     assert not assemble(chain(0, 3), OPEN, *arguments, 40)[0]
 
 
@@ -131,5 +127,26 @@ def test_an_infeasible_program_has_no_solution() -> None:
     # from in front of a wall, at right angles to it, no chain of long chords leads anywhere
     wall = Obstacles.boxes([[0.5, -40.0]], [[60.0, 40.0]])
     control = chain(0, 2)
-    program = written(control, OPEN, wall)
-    assert solve(program, control, False, 500).control is None
+    found = solved(control, wall, Weights())
+    assert found.rows > 0
+    assert not found.found
+    np.testing.assert_array_equal(found.control, control)
+
+
+def test_rows_are_the_entries_of_their_segments_unknowns() -> None:
+    control = chain(1, 3)
+    program = written(control, OPEN, scattered(1), Weights(reach=100.0))
+    assert program.rows.shape[1] == 8
+    assert set(program.offsets[24:].tolist()) == {0, 4}
+    first = program.rows[24]  # the chord of the first segment: its end alone can change
+    assert (first[2:] == 0.0).all()
+    assert np.linalg.norm(first[:2]) == pytest.approx(1.0)
+
+
+def test_parts_are_halved_where_normals_turn_far() -> None:
+    corner = Obstacles.boxes([[3.0, 0.5]], [[30.0, 30.0]])
+    around_it = np.array([[[0.0, 0.0], [6.0, 0.0], [6.0, 0.0], [6.0, 0.0]]])
+    whole, halved = (
+        len(written(around_it, OPEN, corner, Weights(halvings=most)).rows) for most in (0, 4)
+    )
+    assert halved > whole

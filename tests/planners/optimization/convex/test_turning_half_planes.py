@@ -6,7 +6,16 @@ import numpy as np
 import pytest
 
 from ferguson_gym.curves import evaluate
-from planners.optimization.convex.turning_half_planes import ROWS, even_parts, fill_rows
+from planners.optimization.convex.turning_half_planes import ROWS, fill_part, fill_rows
+
+
+def even_parts(number: int) -> list[np.ndarray]:
+    """The weights of even parts."""
+    parts = []
+    for k in range(number):
+        parts.append(np.empty((4, 4)))
+        fill_part(k / number, (k + 1) / number, parts[-1])
+    return parts
 
 
 def rows_of(part: np.ndarray, control: np.ndarray, turn: float) -> tuple[np.ndarray, np.ndarray]:
