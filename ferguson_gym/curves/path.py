@@ -16,6 +16,7 @@ from ferguson_gym.curves import sampling, splines
 from ferguson_gym.curves.arc_length import length
 from ferguson_gym.runtime.arrays import Array, frozen
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.runtime.json_files import read_json
 from ferguson_gym.svg.motion import Timeline
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
@@ -186,9 +187,9 @@ class Path(ShowsPicture):
             OSError: the file cannot be read.
         """
         try:
-            data = json.loads(FilePath(path).read_text(encoding="utf-8"))
+            data = read_json(FilePath(path))
             if not isinstance(data, dict) or "control" not in data:
                 raise ValueError("a path is a JSON object with control, (n, 4, D) numbers")
             return cls(data["control"])
-        except (ValueError, RecursionError) as error:
+        except ValueError as error:
             raise ValueError(f"{path}: {error}") from None

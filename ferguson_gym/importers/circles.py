@@ -6,8 +6,10 @@ import csv
 import os
 from pathlib import Path
 
+import numpy as np
+
 from ferguson_gym.importers.placement import Placement
-from ferguson_gym.runtime.arrays import truncate_repr
+from ferguson_gym.runtime.arrays import check_size, truncate_repr
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 
@@ -35,7 +37,8 @@ def read_circles(
     path = Path(path)
     with path.open(newline="", encoding="utf-8-sig") as file:
         try:
-            rows = [row for row in enumerate(csv.reader(file, skipinitialspace=True), 1) if row[1]]
+            every = enumerate(csv.reader(file, skipinitialspace=True), 1)
+            rows = [(number, row) for number, row in every if "".join(row).strip()]
         except (csv.Error, UnicodeDecodeError) as error:
             raise ValueError(f"{path}: not a CSV file: {error}") from None
     columns = [0, 1, 2]
@@ -44,7 +47,7 @@ def read_circles(
         if missing := [name for name in _COLUMNS if name not in header]:
             raise ValueError(
                 f"{path}, line 1: the header has no {' and no '.join(missing)}; circles need "
-                f"columns {', '.join(_COLUMNS)}"
+                f"columns {', '.join(_COLUMNS)}, separated by commas"
             )
         columns = [header.index(name) for name in _COLUMNS]
     circles: list[list[float]] = []
@@ -60,6 +63,10 @@ def read_circles(
             raise ValueError(
                 f"{path}, line {number}: a radius must be above 0, got {row[columns[2]]}"
             )
+        try:
+            check_size("x, y and radius", np.array(circles[-1]))
+        except ValueError as error:
+            raise ValueError(f"{path}, line {number}: {error}") from None
     if not circles:
         raise ValueError(f"{path}: no circles; each line needs x, y and radius")
     try:

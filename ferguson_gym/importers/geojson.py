@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Iterator
@@ -14,6 +13,7 @@ import numpy as np
 from ferguson_gym.importers.convex_pieces import check_shapely, convex_pieces
 from ferguson_gym.importers.placement import Placement
 from ferguson_gym.runtime.arrays import Array, truncate_repr
+from ferguson_gym.runtime.json_files import read_json
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 
@@ -54,9 +54,7 @@ def read_geojson(path: str | os.PathLike[str], placement: Placement | None = Non
     check_shapely()
     try:
         return _field(path, placement or Placement())
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: not a text file: {error}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
 
@@ -104,11 +102,7 @@ def footprints(data: Any) -> list[Polygon]:
 def _field(path: Path, placement: Placement) -> Field:
     import shapely
 
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except json.JSONDecodeError as error:
-        raise ValueError(f"not JSON: {error}") from None
-    united = shapely.union_all(footprints(data))
+    united = shapely.union_all(footprints(read_json(path)))
     pieces: list[Array] = []
     for polygon in shapely.get_parts(united):
         pieces += [piece for piece in convex_pieces(polygon) if _has_area(piece)]

@@ -170,6 +170,8 @@ def read_pairs(
     # names may have spaces where tabs separate
     split = [line.split("\t") if "\t" in line else line.split() for line in lines]
     rows = [(k, words) for k, words in enumerate(split[1:], 2) if any(words)]
+    if not rows:
+        raise ValueError(f"{scenario} has no pairs of start and goal behind its first line")
     if numbers is not None and not (numbers.start >= 0 and numbers.stop <= len(rows)):
         raise ValueError(
             f"{scenario} has pairs 0 to {len(rows) - 1}, not {numbers.start} to {numbers.stop - 1}"

@@ -52,7 +52,7 @@ class Placement:
                 finite(name, getattr(self, name), (2,))
         if self.bounds is not None:
             finite("bounds", self.bounds, (4,))
-        if self.room is not None and not 0.0 < self.room < np.inf:
+        if self.room is not None and not finite("room", self.room, ()) > 0.0:
             raise ValueError(f"the room around obstacles must be above 0 m, got {self.room:g} m")
         check_names(self.limits)
         object.__setattr__(self, "limits", MappingProxyType(dict(self.limits)))

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from ferguson_gym.runtime.arrays import Array, finite, frozen, real, truncate_repr
 from ferguson_gym.runtime.atomic_files import atomic_write
+from ferguson_gym.runtime.json_files import read_json
 from ferguson_gym.svg.notebook import ShowsPicture
 from ferguson_gym.svg.picture import Picture
 from ferguson_gym.world.limits import Limits
@@ -63,7 +64,12 @@ class Field(ShowsPicture):
         if not isinstance(self.obstacles, Obstacles):
             raise TypeError(f"obstacles are Obstacles, got {type(self.obstacles).__name__}")
         start = finite("start", self.start, (None,))
-        goal = finite("goal", self.goal, (len(start),))
+        goal = finite("goal", self.goal, (None,))
+        if len(start) != len(goal):
+            raise ValueError(
+                "start and goal must have as many coordinates, got "
+                f"{_point(start)} and {_point(goal)}"
+            )
         if self.obstacles.dimension != len(start):
             raise ValueError(
                 f"obstacles have {self.obstacles.dimension} dimensions, start and goal {len(start)}"
@@ -229,15 +235,13 @@ def from_json(path: str | os.PathLike[str]) -> Field:
     """
     path = Path(path)
     try:
-        data: Any = json.loads(path.read_text(encoding="utf-8"))
+        data = read_json(path)
         if not isinstance(data, dict):
             raise ValueError("a field is a JSON object with centers and radii, or obstacles")
         options = {key: data[key] for key in _OPTIONAL if data.get(key) is not None}
         dimension = int(np.size(options.get("start", START)))
         field = Field(name=path.stem, obstacles=_obstacles_in(data, dimension), **options)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: not JSON: {error}") from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if unknown := sorted(set(data) - {*_DISCS, _SHAPES, *_OPTIONAL}):
         warnings.warn(f"{path}: ignored unknown keys {', '.join(map(repr, unknown))}", stacklevel=2)

@@ -187,10 +187,19 @@ class Obstacles:
 
     @staticmethod
     def joined(parts: Iterable[Obstacles]) -> Obstacles:
-        """Several sets of obstacles of the same dimension as one, in their order."""
+        """Several sets of obstacles as one, in their order.
+
+        Raises:
+            ValueError: obstacles of different dimensions.
+        """
         every = [part for part in parts if len(part)]
         if not every:
             return Obstacles(np.empty((0, 2)), np.empty(0))
+        if len(dimensions := sorted({part.dimension for part in every})) > 1:
+            raise ValueError(
+                "obstacles must all have the same dimension, got some of "
+                f"{dimensions[0]} and some of {dimensions[-1]} dimensions"
+            )
         ends = np.cumsum([0, *(len(part.points) for part in every)])
         starts = [part.starts[:-1] + end for part, end in zip(every, ends, strict=False)]
         return Obstacles(

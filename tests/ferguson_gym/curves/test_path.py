@@ -188,7 +188,7 @@ BROKEN[1, 0] += 1.0
         ('{"control": [[[0, 0], [1, 1], [1, NaN], [1, 1]]]}', "must be finite"),
         ('{"control": [[[0, 0], [1], [1, 1], [1, 1]]]}', "must be an array of numbers"),
         (json.dumps({"control": BROKEN.tolist()}), "segments 0 and 1 do not join"),
-        ("[" * 100_000, "recursion"),
+        ("[" * 100_000, "nested too deeply"),
         (b"\xff\xfe{}", "decode"),
     ],
 )

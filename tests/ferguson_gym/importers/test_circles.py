@@ -19,7 +19,7 @@ def read(tmp_path, text, **options):
     [
         "1,2,0.5\n30,40,2\n",
         "x,y,radius\r\n1,2,0.5\r\n30,40,2",
-        "\ufeffRadius, kind, Y ,X\n0.5,oak,2,1\n\n2,fir,40,30\n",
+        "\ufeffRadius, kind, Y ,X\n0.5,oak,2,1\n\n \t\n2,fir,40,30\n",
     ],
 )
 def test_circles_are_read_with_and_without_a_header(text, tmp_path):
@@ -46,7 +46,9 @@ def test_the_example_is_in_centimetres():
         ("1,2,3\n\n1,b,3\n", "c.csv, line 3: need the numbers"),
         ("1,2,0\n", "c.csv, line 1: a radius must be above 0, got 0"),
         ("1,2,nan\n", "c.csv, line 1: a radius must be above 0, got nan"),
-        ("1,inf,2\n", "c.csv: centers must be finite"),
+        ("1,2,3\n1,inf,2\n", "c.csv, line 2: x, y and radius must be finite, got inf"),
+        ("1,1e200,2\n", "c.csv, line 1: x, y and radius must be at most 1e"),
+        ("1;2;3\n", "c.csv, line 1: the header has .* x, y, radius, separated by commas"),
     ],
 )
 def test_bad_tables_are_refused_by_line(text, message, tmp_path):

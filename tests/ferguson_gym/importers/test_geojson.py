@@ -67,10 +67,17 @@ def test_houses_that_share_a_wall_leave_no_way_between_them(tmp_path):
         assert len(obstacles) == 1
 
 
+def test_a_byte_order_mark_is_skipped(tmp_path):
+    path = tmp_path / "marked.geojson"
+    path.write_text(json.dumps(polygon(SQUARE)), encoding="utf-8-sig")
+    assert len(read_geojson(path).obstacles) == 1
+
+
 @pytest.mark.parametrize(
     ("data", "message"),
     [
         ("{", r"bad.geojson: not JSON: "),
+        ("[" * 100_000, "bad.geojson: lists and objects are nested too deeply"),
         ("[1]", "the file is not a GeoJSON object with a type, got "),
         ({"type": "FeatureCollection"}, "features must be a list, got None"),
         ({"type": "FeatureCollection", "features": [7]}, "feature 0 is not a GeoJSON object"),

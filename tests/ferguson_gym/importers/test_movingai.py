@@ -104,6 +104,13 @@ def test_scenarios_that_do_not_match_are_refused(old, new, message, place):
         list(read_map(place / "m.map"))
 
 
+@pytest.mark.parametrize("behind", ["", "\n", "\n\n \n"])
+def test_a_scenario_without_pairs_is_refused(behind, place):
+    (place / "m.map.scen").write_text(f"version 1{behind}")
+    with pytest.raises(ValueError, match=r"m\.map\.scen has no pairs of start and goal"):
+        list(read_map(place / "m.map"))
+
+
 def test_options_that_make_no_sense_are_refused(place):
     for message, options in {
         "has pairs 0 to 1, not 1 to 2": {"pairs": range(1, 3)},

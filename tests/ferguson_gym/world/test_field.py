@@ -59,7 +59,7 @@ def test_bad_discs_are_refused(centers, radii, message):
         ({"bounds": [-np.inf, 110]}, "bounds must be finite, got -inf"),
         ({"start_derivative": [5, np.nan]}, "start_derivative must be finite, got nan"),
         ({"start": 0.0}, r"start must have shape \(n,\), got \(\)"),
-        ({"goal": [100, 100, 100]}, r"goal must have shape \(2,\), got \(3,\)"),
+        ({"goal": [100, 100, 100]}, r"as many coordinates, got \(0, 0\) and \(100, 100, 100\)"),
         ({"bounds": [-10, 50, 110]}, r"bounds must be \[least, greatest\] for .* shape \(3,\)"),
         ({"bounds": [[-10], [110]]}, r"or \[\[least of each\], .* shape \(2, 1\)"),
         ({"start_derivative": [5]}, r"start_derivative must have shape \(2,\), got \(1,\)"),
@@ -274,7 +274,13 @@ def test_known_keys_pass_without_a_warning(tmp_path):
         ('{"centers": [[0, 1]], "radii": [3]}', r"start \(0, 0\) lies 2 m inside obstacle 0"),
         ('{"centers": [], "radii": [], "goal": [0, 111]}', r"goal \(0, 111\) lies outside"),
         ('{"centers": [], "radii": [], "bounds": "wide"}', "bounds must be an array of numbers"),
-        ("[" * 100_000, "recursion"),
+        ("[" * 100_000, "nested too deeply"),
+        (f'{{"centers": [[{"9" * 5000}, 1]], "radii": [1]}}', "more digits than can be read"),
+        (
+            '{"centers": [[9, 9, 9]], "radii": [3], '
+            '"obstacles": [{"points": [[9, 9]], "radius": 1}]}',
+            "the same dimension, got some of 2 and some of 3 dimensions",
+        ),
         (b"\xff\xfe{}", "decode"),
     ],
 )
@@ -283,6 +289,12 @@ def test_a_broken_file_is_named_with_its_fault(tmp_path, text, message):
     path.write_bytes(text if isinstance(text, bytes) else text.encode())
     with pytest.raises(ValueError, match=rf"broken\.json: .*{message}"):
         from_json(path)
+
+
+def test_a_byte_order_mark_is_skipped(tmp_path):
+    path = tmp_path / "marked.json"
+    path.write_text('{"centers": [[50, 50]], "radii": [1]}', encoding="utf-8-sig")
+    assert len(from_json(path).obstacles) == 1
 
 
 def test_a_missing_file_is_an_os_error(tmp_path):
