@@ -44,7 +44,7 @@ class Grain(NamedTuple):
     """Parts of a segment, each with a half-plane for each obstacle near it."""
 
 
-WINDOW, PLANNED = "window", "planned"
+WINDOW, PLANNED = "convex", "planned"
 """Names of choices: a certified window, and the rest of the last plan."""
 
 
@@ -58,6 +58,30 @@ class Choice(NamedTuple):
     step: Step | None
     """The first one as flown."""
     effort: Effort
+    objective: float = math.nan
+    """Of the window [m]."""
+    final: bool = False
+    """Whether the window ends on the goal."""
+
+    @classmethod
+    def of(cls, found: Found, effort: Effort) -> Choice:
+        """A certified window."""
+        return cls(WINDOW, found.control, found.step, effort, found.objective, found.final)
+
+    def decision(self, state: State, began: float) -> Decision:
+        """With a report, for a decision that began at a time of `time.perf_counter` [s]."""
+        report = WindowReport(
+            step=state.vehicle.segments,
+            start=self.start,
+            objective=self.objective,
+            starts=self.effort.programs,
+            feasible=int(self.start == WINDOW),
+            final=self.final,
+            evaluations=self.effort.iterations,
+            rounds=self.effort.programs,
+            seconds=time.perf_counter() - began,
+        )
+        return Decision(self.chain, report, first_step=self.step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,17 +116,7 @@ class Convex(StepByStep):
             TypeError: obstacles that are not in the plane.
         """
         began = time.perf_counter()
-        choice = self.choose(field, state)
-        report = WindowReport(
-            step=state.vehicle.segments,
-            start=choice.start,
-            starts=choice.effort.programs,
-            feasible=int(choice.start == WINDOW),
-            evaluations=choice.effort.iterations,
-            rounds=choice.effort.programs,
-            seconds=time.perf_counter() - began,
-        )
-        return Decision(choice.chain, report, first_step=choice.step)
+        return self.choose(field, state).decision(state, began)
 
     def choose(self, field: Field, state: State) -> Choice:
         """The segments to fly from a state, and what that took.
@@ -114,7 +128,7 @@ class Convex(StepByStep):
         rest = remaining_plan(field, state) if ends_on_goal(field, state) else None
         found, effort = (None, Effort()) if rest else self.window(field, state)
         if found is not None:
-            return Choice(WINDOW, found.control, found.step, effort)
+            return Choice.of(found, effort)
         if rest := rest or remaining_plan(field, state):
             return Choice(PLANNED, *rest, effort)
         return Choice("", None, None, effort)

@@ -1,11 +1,13 @@
 """Guided receding horizon: the paper's windows with the exact cost-to-go as terminal cost.
 
-As in the paper, three segments are optimised and the first is flown. The objective is the window's
-length plus that of the shortest path from its end, plus a small multiple of the integral of |X''|^2
-over t (`settings`). Initial guesses follow the shortest paths of the best homotopy classes, with
-evenly spaced knots. The cost-to-go of the vehicle is a lower bound on the objective: where a window
-exceeds it by more than the turn into the path explains, or none is feasible, further guesses follow
-the path's turns, and the best window is flown. The planner is deterministic.
+The cost-to-go of the vehicle, with the turn into the shortest path, is nearly a lower bound on the
+objective of windows. A window of convex programs (`planners.receding_horizon.convex`) that comes
+close to it is flown at once. Otherwise a search follows: as in the paper, three segments are
+optimised and the first is flown. The objective is the window's length plus that of the shortest
+path from its end, plus a small multiple of the integral of |X''|^2 over t (`settings`). Initial
+guesses follow the shortest paths of the best homotopy classes, with evenly spaced knots. Where a
+window exceeds the bound by much, or none is feasible, further guesses follow the path's turns. The
+best window is flown. The planner is deterministic.
 """
 
 from __future__ import annotations
@@ -29,30 +31,26 @@ from planners.interface import Decision, Knowledge, State, WindowReport
 from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
+from planners.optimization.convex import Effort
 from planners.optimization.initial_guesses import shifted
 from planners.optimization.objectives import LengthObjective
 from planners.optimization.quadrature import lengths
 from planners.optimization.route_knots import turn_aligned
 from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, final_window
+from planners.receding_horizon.convex import Choice, Convex
 from planners.receding_horizon.distance_objective import ToGoObjective
+from planners.receding_horizon.turn_bound import TurnBound
 from planners.receding_horizon.turn_in import turn_in_routes
 from planners.rescaling import decided_in_image
 from planners.rollout import StepByStep, ends_on_goal, remaining_plan
 from planners.whole_path.exact import SPACING
 from planners.whole_path.route_fit import CLOSE
 
-_TURN = 0.1
-"""Excess that the turn from the vehicle's heading into the shortest path needs, by measurement: in
-multiples of |X'| (1 - cos of the angle)."""
 _TURNS, _TURNS_BY = 2, 0.02
 """Number of turns of a slalom within a window, and the least angle [rad] of one that counts."""
 _AHEAD = 3.0
 """Length of the part of a path to whose turns guesses are aligned, in longest segments."""
-_MOST_TURN = 0.04
-"""Upper limit of this excess, relative to the shortest segment."""
-
-
 _TIGHT = 0.85
 """Mean length needed of the segments left, relative to the longest, above which all are planned
 together."""
@@ -80,27 +78,9 @@ class _Choice(NamedTuple):
         """Of the window: the chain's length and the cost-to-go of its end [m]."""
         return self.end.solution.objective
 
-
-class _Bound(NamedTuple):
-    """A lower bound on the objective of windows."""
-
-    togo: float
-    """The exact cost-to-go of the vehicle [m]."""
-    turn: float
-    """Length [m] that the turn from the vehicle's heading into the shortest path needs."""
-
-    @classmethod
-    def of(cls, field: Field, state: State) -> _Bound:
-        """The bound in a state."""
-        (togo,), (gradient,) = distance_to_go(field)(state.vehicle.position[None])
-        derivative = state.vehicle.derivative
-        turn = _TURN * float(np.linalg.norm(derivative) + derivative @ gradient)
-        return cls(float(togo), min(turn, _MOST_TURN * field.limits.shortest))
-
-    def excess(self, choice: _Choice) -> float:
-        """Objective of a choice beyond the bound, relative to the length of its chain."""
-        length = float(lengths(choice.end.control).sum())
-        return (choice.objective - self.togo - self.turn) / length
+    def excess(self, bound: TurnBound) -> float:
+        """Objective beyond the bound, relative to the length of the chain."""
+        return (self.objective - bound.togo - bound.turn) / float(lengths(self.end.control).sum())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,6 +104,11 @@ class Guided(StepByStep):
     """Segment lengths of initial guesses [m], tried until one leads to a chain."""
     solver: WindowSolver = field(default_factory=lambda: MultiStart(sidesteps=()))
     settings: WindowSettings = SMOOTH
+    convex: Convex | None = field(default_factory=Convex)
+    """Its windows are flown where they are good enough or the search finds no better ones; None
+    always searches."""
+    good: float = 2e-4
+    """Excess of a convex window over the bound, relative to its length, that needs no search."""
     min_turn_radius: float | None = None
     """Minimum radius of curvature along the whole flight [m], certified; None allows any turn."""
 
@@ -141,6 +126,13 @@ class Guided(StepByStep):
         began = time.perf_counter()
         if ends_on_goal(field, state) and (left := self._remaining(field, state)) is not None:
             return Decision(left[0], _report(state, began, []), first_step=left[1])
+        bound, found, effort = TurnBound.of(field, state), None, Effort()
+        # convex programs know neither a turn radius nor an upper limit of lengths
+        plain = self.min_turn_radius is None and not is_tight(field, state.vehicle, bound.togo)
+        if self.convex is not None and plain:
+            found, effort = self.convex.window(field, state)
+            if found is not None and found.excess <= bound.turn + self.good * found.length:
+                return Choice.of(found, effort).decision(state, began)
         tried: list[tuple[str, Array]] = []
         ends: list[Certified] = []
         best: _Choice | None = None
@@ -148,8 +140,7 @@ class Guided(StepByStep):
             best = self._attempt(field, state, start, tried, ends)
             if best is not None:
                 break
-        bound = _Bound.of(field, state)
-        if best is None or (bound.excess(best) > CLOSE and self._is_slalom(field, state)):
+        if best is None or (best.excess(bound) > CLOSE and self._is_slalom(field, state)):
             # entries beside the route take long, and matter where nothing else leads on
             tries = None if best is None else 1
             for start in self._aligned_starts(field, state, tries):
@@ -157,8 +148,10 @@ class Guided(StepByStep):
                 if other is None or (best is not None and other.objective >= best.objective):
                     continue
                 best = other
-                if bound.excess(best) <= 2.0 * CLOSE:
+                if best.excess(bound) <= 2.0 * CLOSE:
                     break
+        if found is not None and (best is None or found.objective <= best.objective):
+            return Choice.of(found, effort).decision(state, began)
         if best is not None:
             report = _report(state, began, ends, best)
             return Decision(best.end.control, report, tried, first_step=best.step)

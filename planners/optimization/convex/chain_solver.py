@@ -33,11 +33,19 @@ class Found(NamedTuple):
     """(n, 4, 2)."""
     step: Step
     """Its first segment as flown."""
+    final: bool
+    """Whether it ends on the goal."""
     length: float
     """Of the chain [m]."""
-    excess: float
-    """Its length and the distance to go from its end, beyond the length of the shortest path [m].
-    """
+    objective: float
+    """Its length and the distance to go from its end [m]."""
+    route: float
+    """Length of the shortest path from its begin [m]."""
+
+    @property
+    def excess(self) -> float:
+        """The objective beyond the length of the shortest path [m]."""
+        return self.objective - self.route
 
 
 class Effort(NamedTuple):
@@ -115,7 +123,7 @@ class ChainSolver:
             if not step.flown:
                 continue
             length = float(lengths(control).sum())
-            found = Found(control, step, length, length + togo - nominal.route)
+            found = Found(control, step, nominal.final, length, length + togo, nominal.route)
             if best is None or found.excess < best.excess:
                 best = found
             if found.excess <= self.enough * length:
@@ -129,7 +137,13 @@ def detour(field: Field, vehicle: transition.State) -> Found | None:
     if control is None:
         return None
     step = transition.fly_segment(field, vehicle, control[0])
-    return Found(control, step, math.inf, math.inf) if step.flown else None
+    if not step.flown:
+        return None
+    size, route = (
+        float(step.inspection.length),
+        float(np.linalg.norm(field.goal - vehicle.position)),
+    )
+    return Found(control, step, True, size, size, route)
 
 
 def _terminal(field: Field, control: Array, final: bool) -> tuple[Terminal | None, float]:

@@ -12,10 +12,13 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, Status, initial_state
+from planners.receding_horizon.convex import Convex
 from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
 from tests.support.random_shapes import random_shapes
+
+SEARCH = Guided(convex=None)
 
 
 def test_the_objective_is_length_and_distance_with_its_derivatives() -> None:
@@ -95,9 +98,27 @@ def test_it_is_deterministic() -> None:
     np.testing.assert_array_equal(plans[0].control, plans[1].control)
 
 
-def test_windows_have_three_segments_until_the_goal_is_in_reach() -> None:
+def test_a_convex_window_that_is_good_enough_needs_no_search() -> None:
     field = get_field("standard/train:3")
     plan = make("guided").plan(field, initial_state(field), 0)
+    assert {decision.report.start for decision in plan.decisions} == {"convex", "planned"}
+    assert not any(decision.candidates for decision in plan.decisions)
+
+
+def test_other_windows_are_searched_for_and_the_best_is_flown() -> None:
+    field = get_field("standard/train:3")
+    state = initial_state(field)
+    searched = SEARCH.decide(field, state, 0)
+    both = Guided(good=-1.0).decide(field, state, 0)
+    programs, _ = Convex().window(field, state)
+    assert programs is not None
+    best = min(searched.report.objective, programs.objective)
+    assert both.report.objective == best
+
+
+def test_searched_windows_have_three_segments_until_the_goal_is_in_reach() -> None:
+    field = get_field("standard/train:3")
+    plan = SEARCH.plan(field, initial_state(field), 0)
     chains = [decision.chain for decision in plan.decisions]
     final = [decision.report.final for decision in plan.decisions].index(True)
     for decision, chain in zip(plan.decisions[:final], chains, strict=False):
