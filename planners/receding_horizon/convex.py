@@ -99,7 +99,7 @@ class Convex(StepByStep):
     """Of windows along the shortest path, the best of which is taken."""
     finer: tuple[Grain, ...] = (Grain(5.0, 4), Grain(3.6, 4))
     """Tried in turn where those lead to no certified window."""
-    close: float = 1e-3
+    close: float = 3e-4
     """Excess of a window around the last plan, relative to its length, that needs no other."""
     solver: ChainSolver = field(default_factory=ChainSolver)
 

@@ -107,7 +107,7 @@ class Guided(StepByStep):
     convex: Convex | None = field(default_factory=Convex)
     """Its windows are flown where they are good enough or the search finds no better ones; None
     always searches."""
-    good: float = 2e-4
+    good: float = 3e-4
     """Excess of a convex window over the bound, relative to its length, that needs no search."""
     min_turn_radius: float | None = None
     """Minimum radius of curvature along the whole flight [m], certified; None allows any turn."""
