@@ -1,6 +1,7 @@
 """The reference tables as Markdown: evaluations of all policies on whole suites.
 
-Run it from a checkout, on directories of results; those of the same fields' family share a table:
+Run it from a checkout, on directories of results; those of the same fields' family share a table,
+and a policy that several of them have gets the row of the last one by name:
 
     .venv/bin/python benchmarks/reference_tables.py keep results/reference/* --times results/times
     .venv/bin/python benchmarks/reference_tables.py show
@@ -99,7 +100,8 @@ def tables(evaluations: Iterable[Mapping[str, Any]], timed: Mapping[str, Any]) -
         families.setdefault(one["family"], []).append(one)
     parts = []
     for family, ones in families.items():
-        rows = [row for one in ones for row in one["policies"]]
+        # a policy that was flown again counts as it was flown last
+        rows = list({row["policy"]: row for one in ones for row in one["policies"]}.values())
         commands = "\n".join(_folded(one["command"]) for one in ones)
         parts.append(
             f"## {family}\n\n{_table(rows, timed['policies'])}\n\n```sh\n{commands}\n```\n"
@@ -186,7 +188,7 @@ def shown() -> str:
     """The tables of what is kept."""
     files = {path.stem: json.loads(path.read_text("utf-8")) for path in sorted(KEPT.glob("*.json"))}
     timed = files.pop("times")
-    order = ("standard", "dense", "forest", "traps")
+    order = ("standard", "dense", "forest", "traps", "town", "walls")
     names = sorted(files, key=lambda name: (order.index(name.partition("-")[0]), name))
     return tables([files[name] for name in names], timed)
 

@@ -10,7 +10,7 @@ from planners.optimization.convex import Caps, ChainSolver, nominal_along
 from planners.optimization.convex.last_segment import last_segment
 
 _SOLVER = ChainSolver(caps=Caps(rows=4000, iterations=2000), enough=0.0)
-_GRAINS = ((6.0, 3), (5.0, 5), (4.0, 6))
+_GRAINS = ((6.0, 3), (5.0, 5), (5.5, 8), (4.5, 8), (11.0, 8))
 """Stride [m] of nominal segments and parts of each, tried until a chain is certified."""
 
 

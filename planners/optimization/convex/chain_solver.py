@@ -97,6 +97,7 @@ class ChainSolver:
         control, best, effort = nominal.control, None, effort or Effort()
         around, tolerance = _around(where), target_tolerance(where)
         terminal, _ = _terminal(where, control, nominal.final)
+        given = self.weights if nominal.planned else self.weights._replace(halvings=0)
         for _ in range(self.rounds):
             if terminal is None:
                 break
@@ -107,9 +108,10 @@ class ChainSolver:
                 where.bounds,
                 around,
                 where.limits.shortest,
-                self.weights,
+                given,
                 self.caps,
             )
+            given = self.weights
             if not solution.rows:
                 break
             effort = effort.plus(solution.rows, solution.iterations)

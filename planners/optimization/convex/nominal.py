@@ -33,6 +33,8 @@ class Nominal(NamedTuple):
     """Whether it ends on the goal."""
     route: float
     """Length of the shortest route to the goal from its begin [m]."""
+    planned: bool = False
+    """Whether it begins with a plan. Others may cut through obstacles, where normals turn round."""
 
 
 def nominal_chain(
@@ -76,7 +78,7 @@ def extended_plan(
     if not np.isfinite(route) or not field.limits.shortest <= rest < np.inf:
         return None
     more, final = _onwards(field, end, rest, stride, max(most - len(begun), 1))
-    return Nominal(np.concatenate([begun, more]), final, route)
+    return Nominal(np.concatenate([begun, more]), final, route, planned=True)
 
 
 def nominal_along(
