@@ -126,10 +126,10 @@ def test_the_number_of_workers_does_not_change_the_episodes(tmp_path: Path) -> N
 
 
 def test_a_killed_run_resumes_where_it_stopped(tmp_path: Path) -> None:
-    request, place = wanted("sparse/train:0-49"), tmp_path / "work"
+    request, place = wanted("sparse/train:0-199"), tmp_path / "work"
     program = (
         "import sys; from pathlib import Path; from agents.demonstrations import work\n"
-        "request = work.Request(expert='guided', specs=('sparse/train:0-49',), "
+        "request = work.Request(expert='guided', specs=('sparse/train:0-199',), "
         "arguments={'observation': 'discs'}, software={'versions': {}, 'commit': None})\n"
         "store = work.open_store(Path(sys.argv[1]), request)\n"
         "list(work.fly(store, request, store.begin(), 1))"
@@ -143,7 +143,7 @@ def test_a_killed_run_resumes_where_it_stopped(tmp_path: Path) -> None:
     assert run.returncode == -signal.SIGKILL
     kept = {path: path.stat().st_mtime_ns for path in place.glob("chunk-*")}
     missing = work.open_store(place, request).begin()
-    assert 0 < len(missing) == 5 - len(kept)
+    assert 0 < len(missing) == 20 - len(kept)
     resumed = fly_all(place, request)
     assert {path: path.stat().st_mtime_ns for path in kept} == kept  # not flown again
     for one, other in zip(resumed, fly_all(tmp_path / "whole", request), strict=True):

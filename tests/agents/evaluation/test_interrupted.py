@@ -61,14 +61,14 @@ def whole(out: Path, fields: int) -> list[bytes]:
 
 def test_a_killed_run_is_gone_on_with(tmp_path: Path, begun: list[subprocess.Popen[bytes]]) -> None:
     out = tmp_path / "killed"
-    run = start(out, "sparse/train:0-39")
+    run = start(out, "sparse/train:0-199")
     begun.append(run)
     assert until(lambda: chunks(out) > 0 or run.poll() is not None, 60.0)
     run.kill()
     run.wait()
-    assert 0 < chunks(out) < 4
+    assert 0 < chunks(out) < 20
     assert [path.name for path in out.iterdir()] == [WORK]
-    assert whole(out, 40) == whole(tmp_path / "whole", 40)
+    assert whole(out, 200) == whole(tmp_path / "whole", 200)
     assert not (out / WORK).exists()
 
 
