@@ -11,6 +11,7 @@ from ferguson_gym.guidance.margins import OUTSIDE, Solids, outside, solids, surr
 from ferguson_gym.guidance.path_tree import PathTree, look_ahead, path_tree
 from ferguson_gym.runtime.arrays import Array, finite
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.tangent_graph import build
 from ferguson_gym.world.field import Field
 
 
@@ -107,7 +108,9 @@ def with_margin(field: Field, margin: float) -> DistanceToGoal:
 
 def tree_of(togo: DistanceToGoal) -> PathTree | None:
     """The tree of all shortest paths of a field; None among many discs."""
-    if togo.tracks is None:
-        return None
-    field, unit = togo.field, togo.field.limits.unit
-    return path_tree(togo.scene, togo.tracks, field.goal, togo.tolerance, unit, OUTSIDE * unit)
+    field, unit, tracks = togo.field, togo.field.limits.unit, togo.tracks
+    if tracks is None:
+        if field.obstacles.are_discs:
+            return None
+        tracks = build(togo.scene, field.goal)
+    return path_tree(togo.scene, tracks, field.goal, togo.tolerance, unit, OUTSIDE * unit)

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import (
     TWO_PI,
@@ -29,6 +29,7 @@ from ferguson_gym.shortest_paths.shapes import (
 @compiled
 def walls(scene: Scene) -> tuple[Integers, Array]:
     """Obstacles, and counter-clockwise angles at which their boundaries are covered."""
+    scene = unowned(scene)  # the caller holds it
     where, angles = [0 for _ in range(0)], [0.0 for _ in range(0)]
     discs, box, shapes = scene.discs, scene.box, scene.shapes
     only_discs = len(shapes.first) == 0
@@ -51,7 +52,7 @@ def walls(scene: Scene) -> tuple[Integers, Array]:
                     where.append(i)
                     angles.append(math.atan2(dy, dx))
             elif j != i and apart < radius + discs[j].reach:
-                _add_covered(shapes, i, j, angles)
+                _add_covered(shapes, i, j, discs[j].x, discs[j].y, discs[j].radius, angles)
             while len(where) < len(angles):
                 where.append(i)
     return np.array(where), np.array(angles)
@@ -70,17 +71,28 @@ def _extent(shapes: Shapes, i: int) -> tuple[float, float, float, float]:
 
 
 @compiled
-def _add_covered(shapes: Shapes, i: int, j: int, angles: list[float]) -> None:
-    """Append an angle for each part of the boundary of obstacle i that obstacle j covers."""
+def _add_covered(
+    shapes: Shapes, i: int, j: int, x: float, y: float, reach: float, angles: list[float]
+) -> None:
+    """Append an angle for each part of the boundary of obstacle i that obstacle j covers.
+
+    Obstacle j lies within a distance `reach` of (x, y) [m].
+    """
     radius = shapes.radii[i]
     for c in range(shapes.first[i], shapes.first[i + 1]):
         corner = shapes.corners[c]
+        dx, dy = corner.x - x, corner.y - y
         if not is_disc(shapes, i):
-            before = shapes.corners[last_corner(shapes, i, c)]
-            x, y = before.x + radius * corner.nx, before.y + radius * corner.ny
-            if enters(x, y, -corner.ny, corner.nx, corner.size, shapes, j):
-                angles.append(wall_on_edge(shapes, c))
-        if radius > 0.0:
+            # from the middle of the edge
+            half = 0.5 * corner.size
+            beside = dx * corner.nx + dy * corner.ny + radius
+            along = dy * corner.nx - dx * corner.ny - half
+            if beside * beside + along * along < (half + reach) ** 2:
+                before = shapes.corners[last_corner(shapes, i, c)]
+                start_x, start_y = before.x + radius * corner.nx, before.y + radius * corner.ny
+                if enters(start_x, start_y, -corner.ny, corner.nx, corner.size, shapes, j):
+                    angles.append(wall_on_edge(shapes, c))
+        if radius > 0.0 and dx * dx + dy * dy < (reach + radius) ** 2:
             depth = nearest_feature(shapes, j, corner.x, corner.y).distance - shapes.reach[j]
             # where all of an arc is covered, so are the edges beside it
             if -radius < depth < radius:

@@ -14,15 +14,24 @@ References:
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, unowned
-from ferguson_gym.shortest_paths.scene import Scene, is_clear_of, view
-from ferguson_gym.shortest_paths.shapes import Integers, Shapes, is_disc
-from ferguson_gym.shortest_paths.tangents import angle, corner_angle, is_within, tangent
+from ferguson_gym.shortest_paths.scene import Scene, comes_within, discs_within, view
+from ferguson_gym.shortest_paths.shapes import (
+    TWO_PI,
+    Integers,
+    Shapes,
+    corner_at,
+    enters,
+    is_disc,
+    sweep,
+)
+from ferguson_gym.shortest_paths.tangents import angle, corner_angle, is_within, point_of, tangent
 
 _HALF_TURN = np.pi
 
@@ -45,12 +54,16 @@ class Tangents(NamedTuple):
 
 
 @compiled
-def tangents(scene: Scene) -> Tangents:
-    """All collision-free common tangents of obstacles that end inside the bounds."""
+def tangents(scene: Scene, known: int) -> Tangents:
+    """All collision-free common tangents of obstacles that end inside the bounds.
+
+    Without those of the first obstacles among themselves, in a number that are `known`.
+    """
     scene = unowned(scene)  # the caller holds it
     discs, box, shapes = scene.discs, scene.box, scene.shapes
-    first, corners, radii, reach = shapes
-    only_discs = len(first) == 0  # asked once, since passing shapes on costs time
+    owned = discs_within(scene)
+    within, nearby = unowned(owned), np.empty((len(discs), 4))
+    only_discs = len(shapes.first) == 0  # asked once, since passing shapes on costs time
     room, count, most = 256, 0, 1
     leave, arrive = np.empty(room, dtype=np.int64), np.empty(room, dtype=np.int64)
     angles, lengths = np.empty((room, 2)), np.empty(room)
@@ -61,12 +74,21 @@ def tangents(scene: Scene) -> Tangents:
         one = discs[i]
         around = view(discs, one.x, one.y)
         order, near = unowned(around)
-        for j in range(i + 1, len(discs)):
+        for place in range(len(discs)):
+            k = order[place]
+            disc = within[k]
+            nearby[place, 0], nearby[place, 1] = disc.x, disc.y
+            nearby[place, 2], nearby[place, 3] = disc.reach if k != i else -1.0, near[place]
+        for j in range(max(i + 1, known), len(discs)):
             two = discs[j]
             x, y = two.x - one.x, two.y - one.y
             apart = np.sqrt(x * x + y * y)
             both_discs = only_discs or (is_disc(shapes, i) and is_disc(shapes, j))
-            number = 4 if both_discs else _touching(shapes, i, j, scene.margin, touching)
+            number = 4
+            if not both_discs and apart > one.radius + two.radius + scene.margin:
+                _touching_apart(shapes, i, j, x, y, (one.radius + two.radius) / apart, touching)
+            elif not both_discs:
+                number = _touching(shapes, i, j, scene.margin, touching)
             x_one, y_one, radius_one = one.x, one.y, one.radius
             x_two, y_two, radius_two = two.x, two.y, two.radius
             for kind in range(number):
@@ -94,22 +116,10 @@ def tangents(scene: Scene) -> Tangents:
                     far = np.sqrt(dx * dx + dy * dy)
                     dx, dy = x_two + s * uy - one.x, y_two - s * ux - one.y
                     far = max(far, np.sqrt(dx * dx + dy * dy))
-                if not is_clear_of(
-                    x0,
-                    y0,
-                    ux,
-                    uy,
-                    length,
-                    far,
-                    discs,
-                    first,
-                    corners,
-                    radii,
-                    reach,
-                    order,
-                    near,
-                    i,
-                    j,
+                if _is_blocked(nearby, order, x0, y0, ux, uy, length, far, j):
+                    continue
+                if not only_discs and _enters_any(
+                    scene, order, near, x0, y0, ux, uy, length, far, i, j
                 ):
                     continue
                 if count == room:
@@ -127,9 +137,92 @@ def tangents(scene: Scene) -> Tangents:
                     angles[count, 1] = corner_angle(shapes, j, b, right, ux, uy)
                 lengths[count] = length
                 count += 1
-        if len(around.near) < 0:  # a last use, which keeps the view's memory alive until here
+        if len(around.near) + len(owned) < 0:  # a last use, which keeps their memory alive
             break
     return Tangents(leave[:count], arrive[:count], angles[:count], lengths[:count])
+
+
+@compiled
+def more_tangents(scene: Scene, known: int, lines: Tangents) -> Tangents:
+    """All tangents of a scene, given the lines that are free among the first `known` obstacles."""
+    scene = unowned(scene)  # the caller holds it
+    discs, shapes = scene.discs, scene.shapes
+    free = np.ones(len(lines.length), dtype=np.bool_)
+    for line in range(len(free)):
+        track, at, length = lines.leave[line], lines.angles[line, 0], lines.length[line]
+        x, y = point_of(scene, track, at)
+        ux, uy = -math.sin(at), (1.0 - 2.0 * (track % 2)) * math.cos(at)
+        for k in range(known, len(discs)):
+            if comes_within(x, y, ux, uy, length, discs[k]) and (
+                is_disc(shapes, k) or enters(x, y, ux, uy, length, shapes, k)
+            ):
+                free[line] = False
+                break
+    more = tangents(scene, known)
+    return Tangents(
+        np.append(lines.leave[free], more.leave),
+        np.append(lines.arrive[free], more.arrive),
+        np.append(lines.angles[free], more.angles).reshape(-1, 2),
+        np.append(lines.length[free], more.length),
+    )
+
+
+@compiled
+def _is_blocked(
+    nearby: Array,
+    order: Integers,
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    far: float,
+    other: int,
+) -> bool:
+    """Whether a line from (x, y) comes within the reach of a disc that is not `other`.
+
+    The discs (n, 4) have x, y, reach and distance from the view's point [m], which increases. It
+    spares most lines the test of the shapes around the discs.
+    """
+    for place in range(len(nearby)):
+        if nearby[place, 3] >= far:
+            break
+        dx, dy, reach = nearby[place, 0] - x, nearby[place, 1] - y, nearby[place, 2]
+        beside = dx * uy - dy * ux
+        if abs(beside) < reach and order[place] != other:
+            along = dx * ux + dy * uy
+            beyond = -along if along < 0.0 else max(along - length, 0.0)
+            if beside * beside + beyond * beyond < reach * reach:
+                return True
+    return False
+
+
+@compiled
+def _enters_any(
+    scene: Scene,
+    order: Integers,
+    near: Array,
+    x: float,
+    y: float,
+    ux: float,
+    uy: float,
+    length: float,
+    far: float,
+    one: int,
+    other: int,
+) -> bool:
+    """Whether a line enters an obstacle that is no disc, except `one` and `other`."""
+    scene = unowned(scene)  # the caller holds it
+    discs, first = scene.discs, scene.shapes.first
+    for place in range(len(order)):
+        if near[place] >= far:
+            break
+        k = order[place]
+        if k in (one, other) or not comes_within(x, y, ux, uy, length, discs[k]):
+            continue
+        if first[k + 1] - first[k] > 1 and enters(x, y, ux, uy, length, scene.shapes, k):
+            return True
+    return False
 
 
 @compiled
@@ -144,10 +237,68 @@ def _touching(shapes: Shapes, i: int, j: int, margin: float, touching: Integers)
 
 
 @compiled
+def _touching_apart(
+    shapes: Shapes, i: int, j: int, x: float, y: float, width: float, touching: Integers
+) -> None:
+    """As `_touching`, of obstacles whose bounding discs are apart: four tangents.
+
+    Args:
+        shapes: of all obstacles.
+        i: the first obstacle.
+        j: the second one.
+        x: from the first bounding disc's centre to the second one's [m].
+        y: likewise.
+        width: sum of the bounding discs' radii, relative to the distance of their centres.
+        touching: filled.
+    """
+    shapes = unowned(shapes)  # the caller holds it
+    corners, first, other_first = shapes.corners, shapes.first[i], shapes.first[j]
+    end, other_end = shapes.first[i + 1], shapes.first[j + 1]
+    # normals of tangents are within half of a range around each perpendicular to the centres' line
+    half, middle = math.asin(width), math.atan2(y, x)
+    for window in range(2):
+        begin = (middle + (0.5 - window) * _HALF_TURN - half) % TWO_PI
+        opposite = begin - _HALF_TURN if begin >= _HALF_TURN else begin + _HALF_TURN
+        starts = (corner_at(shapes, j, begin), corner_at(shapes, j, opposite))
+        start = corner_at(shapes, i, begin)
+        for kind in range(2):
+            side, a, b = 1.0 - 2.0 * kind, start, starts[kind]
+            radius = shapes.radii[i] - side * shapes.radii[j]
+            other_begin = begin if kind == 0 else opposite
+            # on one side of the range the difference of support functions is below zero, and above
+            # it on the other
+            while True:
+                next_a = a + 1 if a + 1 < end else first
+                next_b = b + 1 if b + 1 < other_end else other_first
+                ahead, other_ahead = 2.0 * half, 2.0 * half
+                if end - first > 1:
+                    ahead = sweep(begin, corners[next_a].begin)
+                if other_end - other_first > 1:
+                    other_ahead = sweep(other_begin, corners[next_b].begin)
+                if min(ahead, other_ahead) >= 2.0 * half:
+                    break
+                nx, ny = corners[next_a].nx, corners[next_a].ny
+                if other_ahead < ahead:
+                    nx, ny = side * corners[next_b].nx, side * corners[next_b].ny
+                dx, dy = corners[a].x - corners[b].x, corners[a].y - corners[b].y
+                if (nx * dx + ny * dy + radius >= 0.0) == (window == 0):
+                    break
+                if other_ahead < ahead:
+                    b = next_b
+                else:
+                    a = next_a
+            place, sense = 2 * kind + window, 2 * window - 1
+            touching[place, 0], touching[place, 1] = a, b
+            touching[place, 2] = sense
+            touching[place, 3] = sense if kind == 0 else -sense
+
+
+@compiled
 def _on_sides(
     shapes: Shapes, i: int, j: int, side: float, margin: float, touching: Integers, number: int
 ) -> int:
     """As `_touching`, for lines with the obstacles on the same side, 1, or on both sides, -1."""
+    shapes = unowned(shapes)  # the caller holds it
     corners = shapes.corners
     first, end = shapes.first[i], shapes.first[i + 1]
     other_first, other_end = shapes.first[j], shapes.first[j + 1]

@@ -33,7 +33,7 @@ def path_from(field: Field, point: ArrayLike) -> ShortestPath | None:
         TypeError: a field that is not planar.
         ValueError: a point of another shape, NaN or infinity.
     """
-    return DistanceToGoal(field).path(point)
+    return DistanceToGoal(field, for_few_queries=True).path(point)
 
 
 def exact_length(field: Field) -> float | None:

@@ -20,6 +20,7 @@ Reference:
 from __future__ import annotations
 
 import heapq
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -35,6 +36,7 @@ from ferguson_gym.shortest_paths.departures import (
 )
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
 from ferguson_gym.shortest_paths.goal_search.class_search import find_classes
+from ferguson_gym.shortest_paths.partial_graph import PartialGraph
 from ferguson_gym.shortest_paths.routes import MIN_SWEEP, Stage, has_loop
 from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
 from ferguson_gym.shortest_paths.shapes import TWO_PI, sweep
@@ -43,6 +45,10 @@ from ferguson_gym.shortest_paths.tangents import arc_length, point_of
 from ferguson_gym.shortest_paths.taut_path import ShortestPath
 from ferguson_gym.world.field import Field
 
+_Routes: TypeAlias = tuple[list[tuple[float, int]], list[tuple[int, float, float]]]
+"""Length [m] and number of turns of each route; and the turns of all: track, and both angles."""
+_ALL = 1e300
+"""A length that makes all obstacles matter [m]."""
 _MOST_COPIES = 16
 """Up to so many times the routes are found that are asked for, if copies are among them."""
 
@@ -128,28 +134,45 @@ def classes(distance: DistanceToGoal, point: ArrayLike, k: int) -> list[Shortest
 
 def _found(distance: DistanceToGoal, x: float, y: float, k: int) -> list[ShortestPath]:
     """The k shortest routes from a point, the shortest first."""
-    if distance.tracks is None:
+    graph: PartialGraph | None = None
+    if distance.tracks is not None:
+        found, every = _routes(distance, distance.scene, distance.tracks, x, y, k)
+    elif distance.field.obstacles.are_discs:
         search, found, every = find_classes(distance.borrow(), x, y, distance.tolerance, k)
         distance.searches.append(search)
     else:
-        stages, ends = _search(
-            distance.scene, distance.tracks, distance.field.goal, x, y, distance.tolerance, k
-        )
-        found, every = [], []
-        for end in ends:
-            count, stage = len(every), stages[end]
-            while stage.parent >= 0:
-                parent = stages[stage.parent]
-                every.append((parent.track, parent.at, parent.at + stage.turn))
-                stage = parent
-            found.append((stages[end].length, len(every) - count))
+
+        def question(graph: PartialGraph) -> tuple[_Routes, Array]:
+            routes = _routes(distance, graph.scene, graph.tracks, x, y, k)
+            most = max((length for length, _ in routes[0]), default=np.inf)
+            # more obstacles can make more routes where there is one
+            return routes, np.array([_ALL if 0 < len(routes[0]) < k else most])
+
+        graph, (found, every) = distance.ask(np.array([[x, y]]), question)
     paths = []
     for length, number in found:
         # the last turn comes first
         turns, every = every[:number][::-1], every[number:]
-        paths.append(distance.traced((x, y), turns, length))
+        paths.append(distance.traced((x, y), turns, length, graph))
     # sorted, since the last digit of a length depends on the order of its summands
     return sorted(paths, key=lambda path: path.length)
+
+
+def _routes(
+    distance: DistanceToGoal, scene: Scene, tracks: Tracks, x: float, y: float, k: int
+) -> _Routes:
+    """The k shortest routes in a graph."""
+    goal, tolerance = distance.field.goal, distance.tolerance
+    stages, ends = _search(scene, tracks, goal, x, y, tolerance, k)
+    found, every = list[tuple[float, int]](), list[tuple[int, float, float]]()
+    for end in ends:
+        count, stage = len(every), stages[end]
+        while stage.parent >= 0:
+            parent = stages[stage.parent]
+            every.append((parent.track, parent.at, parent.at + stage.turn))
+            stage = parent
+        found.append((stages[end].length, len(every) - count))
+    return found, every
 
 
 def _distinct(paths: list[ShortestPath], tolerance: float) -> list[ShortestPath]:

@@ -24,6 +24,7 @@ from ferguson_gym.shortest_paths.shapes import (
     make_shapes,
     nearest_feature,
     no_shapes,
+    only_these,
 )
 from ferguson_gym.world.field import Field
 
@@ -88,8 +89,7 @@ def scene(field: Field) -> tuple[Scene, Integers]:
     else:
         shapes = make_shapes(obstacles.points, obstacles.starts, obstacles.radii, margin)
         kept = np.flatnonzero(_shape_matters(centers, radii, shapes, low, high, margin))
-        few = obstacles.only_these(kept)
-        shapes = make_shapes(few.points, few.starts, few.radii, margin)
+        shapes = only_these(shapes, kept)
     records = np.empty(len(kept), dtype=DISC)
     records["x"], records["y"] = centers[kept].T
     records["radius"] = radii[kept]
@@ -121,8 +121,8 @@ def _shape_matters(
         for k in range(count):
             if not matters[i]:
                 break
-            apart = np.hypot(centers[k, 0] - x, centers[k, 1] - y)
-            if k == i or not matters[k] or apart > radii[k]:
+            dx, dy = centers[k, 0] - x, centers[k, 1] - y
+            if k == i or not matters[k] or dx * dx + dy * dy > radii[k] * radii[k]:
                 continue
             within = True
             for c in range(first, end):
@@ -219,60 +219,39 @@ def is_clear(
     The line touches these two; -1 stands for none. All points of the line must lie within `far` [m]
     of the point for which `view` was computed.
     """
-    first, corners, radii, reach = scene.shapes
-    return is_clear_of(
-        x,
-        y,
-        ux,
-        uy,
-        length,
-        far,
-        scene.discs,
-        first,
-        corners,
-        radii,
-        reach,
-        view.order,
-        view.near,
-        one,
-        other,
-    )
-
-
-@compiled
-def is_clear_of(
-    x: float,
-    y: float,
-    ux: float,
-    uy: float,
-    length: float,
-    far: float,
-    discs: Records,
-    first: Integers,
-    corners: Records,
-    radii: Array,
-    reach: Array,
-    order: Integers,
-    near: Array,
-    one: int,
-    other: int,
-) -> bool:
-    """As `is_clear`, with scene and view in their parts.
-
-    Loops over thousands of lines call this one: each array of a tuple that is passed on costs time.
-    """
+    discs, shapes = scene.discs, scene.shapes
     for place in range(len(discs)):
-        if near[place] >= far:
+        if view.near[place] >= far:
             break
-        k = order[place]
+        k = view.order[place]
         if k in (one, other):
             continue
         if comes_within(x, y, ux, uy, length, discs[k]):
-            if len(first) == 0 or first[k + 1] - first[k] == 1:
+            if len(shapes.first) == 0 or shapes.first[k + 1] - shapes.first[k] == 1:
                 return False
-            if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):
+            if enters(x, y, ux, uy, length, shapes, k):
                 return False
     return True
+
+
+@compiled
+def discs_within(scene: Scene) -> Records:
+    """Discs (n,) of DISC within the obstacles, the deepest about their middles.
+
+    A line that comes within the reach of one enters the obstacle. A disc is its own.
+    """
+    shapes, within = scene.shapes, scene.discs.copy()
+    for k in range(len(shapes.first) - 1):
+        first, end = shapes.first[k], shapes.first[k + 1]
+        if end - first == 1:
+            continue
+        x, y = 0.0, 0.0
+        for c in range(first, end):
+            x, y = x + shapes.corners[c].x / (end - first), y + shapes.corners[c].y / (end - first)
+        depth = shapes.reach[k] - nearest_feature(shapes, k, x, y).distance
+        within[k].x, within[k].y = x, y
+        within[k].radius, within[k].reach = depth, depth - scene.margin
+    return within
 
 
 @compiled

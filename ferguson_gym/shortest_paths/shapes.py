@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 
 Integers = NDArray[np.int64]
 Records = NDArray[np.void]
@@ -113,6 +113,20 @@ def make_shapes(points: Array, first: Integers, radii: Array, margin: float) -> 
 
 
 @compiled
+def only_these(shapes: Shapes, which: Integers) -> Shapes:
+    """The obstacles with these indices (m,), in this order."""
+    first = np.zeros(len(which) + 1, dtype=np.int64)
+    for place, k in enumerate(which):
+        first[place + 1] = first[place] + shapes.first[k + 1] - shapes.first[k]
+    corners = np.empty(first[-1], dtype=CORNER)
+    for place, k in enumerate(which):
+        corners[first[place] : first[place + 1]] = shapes.corners[
+            shapes.first[k] : shapes.first[k + 1]
+        ]
+    return Shapes(first, corners, shapes.radii[which], shapes.reach[which])
+
+
+@compiled
 def is_disc(shapes: Shapes, i: int) -> bool:
     """Whether obstacle i is a disc."""
     return len(shapes.first) == 0 or shapes.first[i + 1] - shapes.first[i] == 1
@@ -121,6 +135,7 @@ def is_disc(shapes: Shapes, i: int) -> bool:
 @compiled
 def corner_at(shapes: Shapes, i: int, angle: float) -> int:
     """The corner of obstacle i whose range holds a counter-clockwise angle in [0, 2 pi]."""
+    shapes = unowned(shapes)  # the caller holds it
     first, end = shapes.first[i], shapes.first[i + 1]
     low, high = first, end
     while low < high:
@@ -174,7 +189,13 @@ def sweep(before: float, after: float) -> float:
 
 
 @compiled
-def _passed(shapes: Shapes, track: int, at: float) -> float:
+def perimeter(shapes: Shapes, i: int) -> float:
+    """Length of the edges of obstacle i, which is no disc [m]."""
+    return float(shapes.corners[shapes.first[i + 1] - 1].along)
+
+
+@compiled
+def passed(shapes: Shapes, track: int, at: float) -> float:
     """Length of the edges of a track from its angle zero to an angle [m]."""
     i, clockwise = track // 2, track % 2 == 1
     angle = TWO_PI - at if clockwise else at
@@ -190,9 +211,8 @@ def straight_parts(shapes: Shapes, track: int, before: float, after: float) -> f
     """Length of the edges that a track passes between two angles in [0, 2 pi] [m]."""
     if is_disc(shapes, track // 2):
         return 0.0
-    length: float = _passed(shapes, track, after) - _passed(shapes, track, before)
-    end = shapes.first[track // 2 + 1]
-    return length if after >= before else length + shapes.corners[end - 1].along
+    length: float = passed(shapes, track, after) - passed(shapes, track, before)
+    return length if after >= before else length + perimeter(shapes, track // 2)
 
 
 @compiled
@@ -230,6 +250,7 @@ def nearest_feature(shapes: Shapes, i: int, x: float, y: float) -> Feature:
 
     Inside a polygon it is the edge whose line is nearest.
     """
+    shapes = unowned(shapes)  # the caller holds it
     first, end = shapes.first[i], shapes.first[i + 1]
     best, corner, is_edge = np.inf, first, False
     deepest, wall = -np.inf, first
@@ -254,6 +275,7 @@ def nearest_feature(shapes: Shapes, i: int, x: float, y: float) -> Feature:
 @compiled
 def enters(x: float, y: float, ux: float, uy: float, length: float, shapes: Shapes, i: int) -> bool:
     """Whether a line from (x, y) in a unit direction has points inside obstacle i."""
+    shapes = unowned(shapes)  # the caller holds it
     first, end, reach = shapes.first[i], shapes.first[i + 1], shapes.reach[i]
     low, high, begin, until = np.inf, -np.inf, np.inf, -np.inf
     before = shapes.corners[end - 1]

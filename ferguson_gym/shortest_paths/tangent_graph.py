@@ -27,14 +27,20 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 from ferguson_gym.shortest_paths.boundary import walls
 from ferguson_gym.shortest_paths.common_tangents import Tangents, tangents
 from ferguson_gym.shortest_paths.scene import Scene, is_clear, view
-from ferguson_gym.shortest_paths.shapes import TWO_PI, Integers, is_disc, sweep
+from ferguson_gym.shortest_paths.shapes import (
+    TWO_PI,
+    Integers,
+    is_disc,
+    passed,
+    perimeter,
+    sweep,
+)
 from ferguson_gym.shortest_paths.tangents import (
     angle,
-    arc_length,
     is_within,
     tangent,
     tangent_from,
@@ -78,6 +84,7 @@ def following(tracks: Tracks, track: int, at: float) -> int:
 @compiled
 def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
     """Sort the ends of tangents and the walls onto the tracks."""
+    scene = unowned(scene)  # the caller holds it
     n, m = len(scene.discs), len(lines.length)
     covered, middles = walls(scene)
     room = 4 * m + 2 * n + 2 * len(covered)
@@ -143,9 +150,34 @@ def _nodes(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
 
 
 @compiled
+def _straight_parts(scene: Scene, tracks: Tracks) -> Array:
+    """Length of the edges between each node and the next one of its track (m,) [m]."""
+    scene = unowned(scene)  # the caller holds it
+    straight = np.zeros(len(tracks.angle))
+    for track in range(len(tracks.first) - 1):
+        first, end = tracks.first[track], tracks.first[track + 1]
+        if first == end or is_disc(scene.shapes, track // 2):
+            continue
+        around = perimeter(scene.shapes, track // 2)
+        begin = passed(scene.shapes, track, tracks.angle[first])
+        before = begin
+        for node in range(first, end):
+            after = begin + around
+            if node + 1 < end:
+                after = passed(scene.shapes, track, tracks.angle[node + 1])
+            straight[node] = after - before
+            before = after
+    return straight
+
+
+@compiled
 def _search(scene: Scene, tracks: Tracks) -> None:
     """Dijkstra's algorithm from the goal backwards; fills togo, leave and least."""
+    scene = unowned(scene)  # the caller holds it
     togo, discs, only_discs = tracks.togo, scene.discs, len(scene.shapes.first) == 0
+    straight = np.empty(0)
+    if not only_discs:
+        straight = _straight_parts(scene, tracks)
     heap = [(0.0, 0) for _ in range(0)]
     for node in range(len(togo)):
         if tracks.other[node] == GOAL:
@@ -163,10 +195,11 @@ def _search(scene: Scene, tracks: Tracks) -> None:
             heapq.heappush(heap, (togo[other], other))
         before = (node if node > tracks.first[track] else tracks.first[track + 1]) - 1
         if tracks.other[before] != WALL:
+            turn = sweep(tracks.angle[before], tracks.angle[node])
             if only_discs:
-                arc = discs[track // 2].radius * sweep(tracks.angle[before], tracks.angle[node])
+                arc = discs[track // 2].radius * turn
             else:
-                arc = arc_length(scene, track, tracks.angle[before], tracks.angle[node])
+                arc = scene.shapes.radii[track // 2] * turn + straight[before]
             if way + arc < togo[before]:
                 togo[before], tracks.leave[before] = way + arc, tracks.leave[node]
                 heapq.heappush(heap, (togo[before], before))
@@ -175,6 +208,12 @@ def _search(scene: Scene, tracks: Tracks) -> None:
 @compiled
 def build(scene: Scene, goal: Array) -> Tracks:
     """The tangent graph of a scene with the shortest path from every node to a goal (2,)."""
-    tracks = _nodes(scene, tangents(scene), goal)
+    return with_lines(scene, tangents(scene, 0), goal)
+
+
+@compiled
+def with_lines(scene: Scene, lines: Tangents, goal: Array) -> Tracks:
+    """As `build`, from all tangents of the scene."""
+    tracks = _nodes(scene, lines, goal)
     _search(scene, tracks)
     return tracks

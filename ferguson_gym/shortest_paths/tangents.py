@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.runtime.jit import compiled, unowned
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import (
     TWO_PI,
@@ -62,6 +62,7 @@ def is_within(box: Array, x: float, y: float) -> bool:
 @compiled
 def corner_angle(shapes: Shapes, i: int, corner: int, sense: float, ux: float, uy: float) -> float:
     """As `angle`, within the range of a corner of obstacle i that a tangent touches."""
+    shapes = unowned(shapes)  # the caller holds it
     at = angle(sense, ux, uy)
     counter = at if sense > 0.0 else -at % TWO_PI
     inside = within_range(shapes, i, corner, counter)
@@ -125,6 +126,7 @@ def tangent_from(scene: Scene, track: int, x: float, y: float) -> Touch:
 @compiled
 def tangent_to_shape(shapes: Shapes, margin: float, track: int, x: float, y: float) -> Touch:
     """As `tangent_from`, to the track of an obstacle that is no disc."""
+    shapes = unowned(shapes)  # the caller holds it
     i, sense, radius = track // 2, 1.0 - 2.0 * (track % 2), shapes.radii[track // 2]
     near, contact = nearest_feature(shapes, i, x, y), _CONTACT * margin
     c = near.corner
@@ -165,6 +167,7 @@ def _apart(shapes: Shapes, corner: int, x: float, y: float) -> float:
 @compiled
 def _touched(shapes: Shapes, i: int, nearest: int, sense: float, x: float, y: float) -> int:
     """The corner that the tangent from a point outside touches."""
+    shapes = unowned(shapes)  # the caller holds it
     first, end = shapes.first[i], shapes.first[i + 1]
     radius = shapes.radii[i]
     last = shapes.corners[end - 1]
