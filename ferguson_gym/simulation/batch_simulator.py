@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numba
 import numpy as np
@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.helper_threads import SPIN_LIMIT, HelperThreads, new_counters
 from ferguson_gym.simulation import step_kernel
-from ferguson_gym.simulation.drawn_fields import DrawnFields, given_field, put
+from ferguson_gym.simulation.drawn_fields import (
+    DrawnFields,
+    Given,
+    by_settings,
+    given_field,
+    put_given,
+)
 from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.observations import FlatObservation
 from ferguson_gym.simulation.settings import Settings
@@ -49,9 +55,6 @@ SOURCES = 8
 NOT_STARTED = -1
 """The outcome before the first reset."""
 
-Given: TypeAlias = Field | tuple[Settings, int]
-"""A field, or the settings and the seed that make it."""
-
 _COPIED = ("observations", "reports", "final_observations", "final_reports")
 """Buffers that a copy holds as they are."""
 
@@ -76,7 +79,7 @@ class BatchSimulator:
     ) -> None:
         number = len(settings)
         self.settings, self.number = settings, number
-        corners = max(one.max_corners for one in _distinct(settings))
+        corners = max(one.max_corners for one, _ in by_settings(enumerate(settings)))
         self._store = FieldStore(number + room, capacity, corners)
         self._drawn = DrawnFields(self._store, number)
         self._buffers = make_buffers(
@@ -134,7 +137,7 @@ class BatchSimulator:
             else:
                 flights["next"][i] = EMPTY
                 self._pending.pop(i, None)
-        every = _distinct(changes.values())
+        every = [new for new, _ in by_settings(changes.items())]
         capacity = max((new.max_obstacles for new in every), default=0)
         self._store.make_room(0, capacity, max((new.max_corners for new in every), default=0))
         self._make_room_for(longest)
@@ -208,29 +211,37 @@ class BatchSimulator:
             self._pending.pop(i, None)
         drawn = chosen.copy()
         drawn[asked_for] = False
+        if self._buffers.mode != DISABLED or drawn.any():
+            self._prepare(which)
         self._draw_ahead(drawn, streams)
+        given: dict[int, Given] = {}
         for i in which:
-            field = fields[i]
-            if field is None:
+            if (field := fields[i]) is None:
                 flights["slot"][i] = self._buffers.queue[i, flights["next"][i]]
                 flights["next"][i] += 1
             else:
-                self._put(i, field if isinstance(field, Field) else (self.settings[i], field))
+                given[i] = field if isinstance(field, Field) else (self.settings[i], field)
+        self._put(given)
         self._use_arrays()
         step_kernel.reset(self._plain_buffers, chosen)
         if self._ways is not None:
             self._ways.begin(self._buffers)
 
-    def _put(self, i: int, given: Given) -> None:
-        """Write a field into a vehicle's slot."""
-        if isinstance(given, Field):
-            self._make_room_for(given.limits.segments)
-            self._store.put(i, given)
-        else:
-            put(self._store, i, *given)
-        self._given[i], self._buffers.flights["slot"][i] = given, i
-        if self._ways is not None:
-            self._ways.forget(i, i + 1)
+    def _put(self, given: Mapping[int, Given]) -> None:
+        """Write fields into vehicles' slots."""
+        for i, one in given.items():
+            if isinstance(one, Field):
+                self._make_room_for(one.limits.segments)
+            self._given[i], self._buffers.flights["slot"][i] = one, i
+            if self._ways is not None:
+                self._ways.forget(i, i + 1)
+        put_given(self._store, given)
+
+    def _prepare(self, which: Sequence[int]) -> None:
+        """Make all fields of a suite if vehicles soon need most: later steps need not wait."""
+        for settings, part in by_settings((i, self.settings[i]) for i in which):
+            if len(part) * FIRST_BLOCK >= settings.number and settings.scattered is not None:
+                self._drawn.slots(settings, np.arange(settings.number))
 
     def step(self, actions: Action, streams: Sequence[np.random.Generator]) -> None:
         """Fly one action (4,) of each vehicle.
@@ -286,8 +297,7 @@ class BatchSimulator:
             getattr(buffers, name)[:] = state[name]
         for i, one in enumerate(settings):
             write_rules(buffers.rules[i], one)
-        for i, given in state["given"].items():
-            self._put(i, given)
+        self._put(state["given"])
         self._use_arrays()
         for i, seeds in state["upcoming"].items():
             self._pending[i], flights["next"][i] = seeds.astype(np.int64), BLOCK
@@ -304,26 +314,34 @@ class BatchSimulator:
         )
 
     def _draw_ahead(self, chosen: Flags, streams: Sequence[np.random.Generator]) -> None:
-        """Fill the queue of each chosen vehicle that has used it up.
+        """Fill the queue of each chosen vehicle that has used it up; fields are made together."""
+        flights = self._buffers.flights
+        empty = np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist()
+        pieces = {i: self._next_seeds(i, streams[i]) for i in empty}
+        for settings, part in by_settings((i, self.settings[i]) for i in empty):
+            slots = self._drawn.slots(settings, np.concatenate([pieces[i] for i in part]))
+            for i in part:
+                size = len(pieces[i])
+                self._buffers.queue[i, BLOCK - size :], slots = slots[:size], slots[size:]
+                flights["next"][i] = BLOCK - size
+                self._pending[i] = self._pending[i][size:]
+                if not len(self._pending[i]):
+                    del self._pending[i]
+        self._use_arrays()
+
+    def _next_seeds(self, i: int, stream: np.random.Generator) -> Integers:
+        """Seeds for the empty queue of a vehicle, pending until their fields are made.
 
         Seeds that were drawn before come first, a few at a time; then a block is drawn.
         """
-        flights = self._buffers.flights
-        for i in np.flatnonzero(chosen & (flights["next"] >= BLOCK)).tolist():
-            settings, waiting = self.settings[i], self._pending.get(i)
-            if waiting is not None and len(waiting):
-                seeds, waiting = waiting[:PIECE], waiting[PIECE:]
-            else:
-                size = FIRST_BLOCK if flights["next"][i] == EMPTY else BLOCK
-                seeds = streams[i].integers(settings.number, size=size)
-            first = BLOCK - len(seeds)
-            self._buffers.queue[i, first:] = self._drawn.slots(settings, seeds)
-            flights["next"][i] = first
-            if waiting is not None:
-                self._pending[i] = waiting
-                if not len(waiting):
-                    del self._pending[i]
-        self._use_arrays()
+        waiting = self._pending.get(i)
+        if waiting is not None and len(waiting):
+            return waiting[:PIECE]
+        nexts = self._buffers.flights["next"]
+        size = FIRST_BLOCK if nexts[i] == EMPTY else BLOCK
+        seeds: Integers = stream.integers(self.settings[i].number, size=size)
+        self._pending[i], nexts[i] = seeds, BLOCK
+        return seeds
 
     @property
     def observations(self) -> FlatObservation:
@@ -380,8 +398,3 @@ class BatchSimulator:
             return None
         control: Array = self._buffers.paths[i, flight["segments"]].copy()
         return control
-
-
-def _distinct(settings: Iterable[Settings]) -> list[Settings]:
-    """Each object once: to compare settings takes long where they name many fields."""
-    return list({id(one): one for one in settings}.values())

@@ -1,8 +1,9 @@
-"""Slots of the fields that resets draw: each field is made once, when it is drawn first."""
+"""Slots of the fields that resets draw: each field is made once, at the latest when it is drawn."""
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable, Mapping
+from typing import TypeAlias
 
 import numpy as np
 
@@ -10,6 +11,10 @@ from ferguson_gym.simulation.field_store import FieldStore
 from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.simulation.step_buffers import Integers
 from ferguson_gym.world.field import Field
+from ferguson_gym.world.suites import stream_keys
+
+Given: TypeAlias = Field | tuple[Settings, int]
+"""A field, or the settings and the seed that make it."""
 
 
 class DrawnFields:
@@ -40,19 +45,16 @@ class DrawnFields:
         slots: Integers = known[seeds]
         if slots.all():
             return slots
-        for seed in seeds[slots == 0].tolist():
-            if known[seed] == 0:
-                known[seed] = self._draw(settings, seed)
+        new = np.unique(seeds[slots == 0])
+        begin = self._first + len(self.seeds)
+        made = np.arange(begin, begin + len(new))
+        self._store.make_room(begin + len(new))
+        _put(self._store, made, settings, new)
+        known[new] = made
+        self.seeds += new.tolist()
+        self._settings += [settings] * len(new)
         drawn: Integers = known[seeds]
         return drawn
-
-    def _draw(self, settings: Settings, seed: int) -> int:
-        slot = self._first + len(self.seeds)
-        self._store.make_room(slot + 1)
-        put(self._store, slot, settings, seed)
-        self.seeds.append(seed)
-        self._settings.append(settings)
-        return slot
 
     def origin(self, slot: int) -> tuple[Settings, int]:
         """Settings and seed of the field in a slot."""
@@ -66,14 +68,41 @@ class DrawnFields:
         self._store.used = self._first
 
 
-def put(store: FieldStore, slot: int, settings: Settings, seed: int) -> None:
-    """Write the field that some settings give a seed into a slot."""
-    if settings.pool is None:  # without a `Field`, whose checks a suite's fields pass
-        store.put_obstacles(slot, settings.drawn(seed))
-    else:
-        store.put(slot, settings.field(seed))
+def _put(store: FieldStore, slots: Integers, settings: Settings, seeds: Integers) -> None:
+    """Write the fields that some settings give seeds (n,) into slots (n,)."""
+    if settings.pool is not None:
+        for slot, seed in zip(slots.tolist(), seeds.tolist(), strict=True):
+            store.put(slot, settings.field(seed))
+    elif (recipe := settings.scattered) is not None:
+        store.put_discs(slots, recipe, stream_keys(settings.suite, settings.split, seeds))
+    else:  # without a `Field`, whose checks a suite's fields pass
+        for slot, seed in zip(slots.tolist(), seeds.tolist(), strict=True):
+            store.put_obstacles(slot, settings.drawn(seed))
 
 
-def given_field(given: Field | tuple[Settings, int]) -> Field:
+def put_given(store: FieldStore, given: Mapping[int, Given]) -> None:
+    """Write fields, by slot."""
+    seeds: dict[int, tuple[Settings, int]] = {}
+    for slot, one in given.items():
+        if isinstance(one, Field):
+            store.put(slot, one)
+        else:
+            seeds[slot] = one
+    for settings, part in by_settings((slot, one) for slot, (one, _) in seeds.items()):
+        _put(store, np.array(part), settings, np.array([seeds[slot][1] for slot in part]))
+
+
+def given_field(given: Given) -> Field:
     """A field that was kept as itself or as settings and a seed."""
     return given if isinstance(given, Field) else given[0].field(given[1])
+
+
+def by_settings(vehicles: Iterable[tuple[int, Settings]]) -> list[tuple[Settings, list[int]]]:
+    """Vehicles grouped by the object that holds their settings.
+
+    To compare settings would take long where they name many fields.
+    """
+    groups: dict[int, tuple[Settings, list[int]]] = {}
+    for i, settings in vehicles:
+        groups.setdefault(id(settings), (settings, []))[1].append(i)
+    return list(groups.values())

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 
 from ferguson_gym.curves.convex_core import Cores
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled_in_place
+from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from ferguson_gym.world.field import Field, planar_obstacles
 from ferguson_gym.world.field_pool import corners_of
 from ferguson_gym.world.obstacles import Obstacles
+from ferguson_gym.world.recipes.mersenne_twister import Words
+from ferguson_gym.world.suites import Scattered
 
 FIELD_RECORD = np.dtype(
     [
@@ -75,8 +77,8 @@ class FieldStore:
 
     def __init__(self, slots: int, capacity: int, corners: int = 0) -> None:
         self.capacity = capacity
-        self._default = Field(
-            name="default", obstacles=Obstacles.discs(np.empty((0, 2)), np.empty(0))
+        self._default = _record(
+            Field(name="default", obstacles=Obstacles.discs(np.empty((0, 2)), np.empty(0)))
         )
         self.arrays = _empty(slots, max(capacity, 1), corners)
         self.used = 0
@@ -137,21 +139,36 @@ class FieldStore:
     def put(self, slot: int, field: Field) -> None:
         """Write a field, already checked, into a slot."""
         self.make_room(0, 0, corners_of(field.obstacles))
-        self._put(slot, field, field.obstacles)
+        self._put(slot, _record(field), field.obstacles)
 
     def put_obstacles(self, slot: int, obstacles: Obstacles) -> None:
         """Write a field with the default start, goal and bounds into a slot."""
         self.make_room(0, 0, corners_of(obstacles))
         self._put(slot, self._default, obstacles)
 
-    def _put(self, slot: int, field: Field, obstacles: Obstacles) -> None:
+    def put_discs(self, slots: Integers, recipe: Scattered, keys: Words) -> None:
+        """Write the fields that a recipe draws into slots (n,), as `put_obstacles` would.
+
+        Args:
+            slots: for which there is room, different ones.
+            recipe: which draws them.
+            keys: (n, 4) of the streams from which they are drawn.
+        """
+        arrays, number = self.arrays, recipe.most
+        recipe.draw_many(keys, slots, arrays.discs)
+        arrays.records[slots] = self._default
+        _complete(arrays, slots, number)
+        if arrays.corners.shape[2]:
+            arrays.corners[slots, :, :number] = arrays.discs[slots, :2, :number]
+            arrays.first[slots] = np.minimum(np.arange(arrays.first.shape[1]), number)
+            arrays.radii[slots, :number] = arrays.discs[slots, 2, :number]
+        self.used = max(self.used, int(slots.max(initial=-1)) + 1)
+
+    def _put(self, slot: int, record: NDArray[np.void], obstacles: Obstacles) -> None:
         arrays, number = self.arrays, len(obstacles)
         centers, radii = obstacles.balls
-        for key in ("start", "start_derivative", "goal", "bounds", "distance"):
-            arrays.records[key][slot] = getattr(field, key)
-        for key, limit in field.limits.numbers()._asdict().items():
-            arrays.records[key][slot] = limit
-        distances = obstacles.signed_distance(field.start)
+        arrays.records[slot] = record
+        distances = obstacles.signed_distance(record["start"])
         arrays.records["clearance"][slot] = np.min(distances, initial=np.inf)
         arrays.discs[slot, :2, :number] = centers.T
         arrays.discs[slot, 2, :number] = radii
@@ -162,6 +179,29 @@ class FieldStore:
             arrays.first[slot, number + 1 :] = obstacles.starts[-1]
             arrays.radii[slot, :number] = obstacles.radii
         self.used = max(self.used, slot + 1)
+
+
+def _record(field: Field) -> NDArray[np.void]:
+    """The record () of a field, without the clearance."""
+    record = np.zeros((), FIELD_RECORD)
+    for key in ("start", "start_derivative", "goal", "bounds", "distance"):
+        record[key] = getattr(field, key)
+    for key, limit in field.limits.numbers()._asdict().items():
+        record[key] = limit
+    return record
+
+
+@compiled
+def _complete(fields: FieldArrays, slots: Integers, number: int) -> None:
+    """Write clearances of fields with so many discs, and that there are no others."""
+    for slot in slots:
+        record, discs = fields.records[slot], fields.discs[slot]
+        least = np.inf
+        for i in range(number):
+            x, y = record.start[0] - discs[0, i], record.start[1] - discs[1, i]
+            least = min(least, np.sqrt(x * x + y * y) - discs[2, i])
+        record.clearance = least
+        discs[2, number:] = -np.inf
 
 
 def _empty(slots: int, capacity: int, corners: int) -> FieldArrays:

@@ -20,6 +20,7 @@ from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.suites import (
     SUITES,
     Recipe,
+    Scattered,
     check_suite,
     suite_obstacles,
     with_overrides,
@@ -165,6 +166,12 @@ class Settings:
             return SUITES[self.suite]
         radii = None if self.radii is None else (self.radii[0], self.radii[1])
         return with_overrides(self.suite, self.obstacles, radii)
+
+    @property
+    def scattered(self) -> Scattered | None:
+        """The recipe of the fields from which resets draw, if it draws many at once."""
+        recipe = self.recipe
+        return recipe if self.pool is None and isinstance(recipe, Scattered) else None
 
     @property
     def layout(self) -> Layout:

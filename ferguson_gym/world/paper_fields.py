@@ -14,47 +14,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
+from ferguson_gym.world.recipes.scattered import scattered_discs
 
 FIELDS = (1, 2, 3, 4)
-
-
-def latin_hypercube(stream: np.random.RandomState, points: int) -> Array:
-    """A design (points, 2) in the unit square, as MATLAB's `lhsdesign(points, 2)` draws it.
-
-    Its defaults: smoothing on, criterion maximin, 5 designs of which the one with the
-    largest least distance between points is kept (the first wins a tie).
-    """
-    # MATLAB fills matrices by columns; a design takes one matrix for ranks, one for jitter
-    return _maximin(stream.random_sample((5, 2, 2, points)))
-
-
-@compiled
-def _maximin(draws: Array) -> Array:
-    designs, _, columns, points = draws.shape
-    best, design = np.empty((points, columns)), np.empty((points, columns))
-    spread = -1.0
-    for k in range(designs):
-        for c in range(columns):
-            for i in range(points):
-                rank = 1
-                for j in range(points):
-                    if draws[k, 0, c, j] < draws[k, 0, c, i]:
-                        rank += 1
-                design[i, c] = (rank - draws[k, 1, c, i]) / points
-        least = np.inf
-        for i in range(points):
-            for j in range(i):
-                square = 0.0
-                for c in range(columns):
-                    square += (design[i, c] - design[j, c]) ** 2
-                least = min(least, square)
-        if least > spread:
-            best, design, spread = design, best, least
-    return best
 
 
 def draw_discs(
@@ -74,9 +38,8 @@ def draw_discs(
     Reference:
         The paper, section II.
     """
-    centers = np.vstack([np.empty((0, 2)), *(latin_hypercube(stream, n) for n in designs)])
-    radii = smallest + (largest - smallest) * stream.random_sample(len(centers))
-    return Obstacles.discs(90.0 * centers + 5.0, radii)
+    discs = scattered_discs(stream, designs, smallest, largest)
+    return Obstacles.discs(discs[:, :2], discs[:, 2])
 
 
 def paper_field(number: int) -> Field:

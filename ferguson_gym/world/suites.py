@@ -15,7 +15,9 @@ from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.runtime.suggestions import did_you_mean
 from ferguson_gym.world.field import GOAL, START, Field
 from ferguson_gym.world.obstacles import Obstacles
-from ferguson_gym.world.paper_fields import draw_discs, latin_hypercube
+from ferguson_gym.world.paper_fields import draw_discs
+from ferguson_gym.world.recipes.mersenne_twister import Words
+from ferguson_gym.world.recipes.scattered import Integers, latin_hypercube, scatter
 from ferguson_gym.world.recipes.town import MOST as MOST_IN_TOWN
 from ferguson_gym.world.recipes.town import town
 from ferguson_gym.world.recipes.walls import MOST as MOST_WALLS
@@ -67,6 +69,19 @@ class Scattered:
     def __call__(self, stream: np.random.RandomState) -> Obstacles:
         """Discs of one field."""
         return draw_discs(stream, self.designs, self.smallest, self.largest)
+
+    def draw_many(self, keys: Words, slots: Integers, discs: Array) -> None:
+        """Discs of many fields, the same numbers as one by one.
+
+        Args:
+            keys: (fields, 4) of the streams, from `stream_keys`.
+            slots: (fields,) where each is written.
+            discs: (all slots, 3, M) with room for `most` discs, filled with x, y and radius [m].
+        """
+        if discs.shape[2] < self.most:
+            raise ValueError(f"{self.most} discs do not fit into {discs.shape[2]}")
+        designs = np.array(self.designs, np.int64)
+        scatter(keys, designs, self.smallest, self.largest, slots, discs)
 
     @property
     def most(self) -> int:
@@ -148,8 +163,21 @@ def suite_obstacles(suite: str, split: str, seed: int, recipe: Draw | None = Non
     check_suite(suite, split)
     if not 0 <= seed <= LAST_SEED:
         raise ValueError(f"a field's seed lies between 0 and 2**63 - 1, got {seed}")
-    key = [_KEYS[suite], SPLITS.index(split), seed % 2**32, seed // 2**32]
-    return (recipe or SUITES[suite])(np.random.RandomState(key))
+    keys = stream_keys(suite, split, np.array([seed]))
+    recipe = recipe or SUITES[suite]
+    if not isinstance(recipe, Scattered):
+        return recipe(np.random.RandomState(keys[0]))
+    discs = np.empty((1, 3, recipe.most))
+    recipe.draw_many(keys, np.zeros(1, np.int64), discs)
+    return Obstacles.discs(discs[0, :2].T, discs[0, 2])
+
+
+def stream_keys(suite: str, split: str, seeds: Integers) -> Words:
+    """Keys (n, 4) of the streams `RandomState(key)` from which fields of seeds (n,) are drawn."""
+    keys = np.empty((len(seeds), 4), np.uint32)
+    keys[:, 0], keys[:, 1] = _KEYS[suite], SPLITS.index(split)
+    keys[:, 2], keys[:, 3] = seeds % 2**32, seeds // 2**32
+    return keys
 
 
 def check_suite(suite: str, split: str) -> None:

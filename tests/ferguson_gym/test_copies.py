@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode
 
 from ferguson_gym import ENVIRONMENT_ID
 from ferguson_gym.environment import ObstacleField
+from ferguson_gym.simulation import drawn_fields
 from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST_BLOCK
-from ferguson_gym.simulation.settings import Settings
 from ferguson_gym.vector_environment import VectorObstacleField
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_pool import MAX_FIELDS
@@ -146,9 +146,9 @@ def test_a_copy_makes_only_the_fields_that_it_flies(monkeypatch: pytest.MonkeyPa
     env = ObstacleField(fields=MAX_FIELDS)
     env.reset(seed=0)
     env.reset()
-    made, usual = [], Settings.drawn
+    made, usual = [], drawn_fields._put
     monkeypatch.setattr(
-        Settings, "drawn", lambda self, seed: (made.append(seed), usual(self, seed))[1]
+        drawn_fields, "_put", lambda *given: (made.extend(given[-1].tolist()), usual(*given))
     )
     again = copy.deepcopy(env)
     assert len(made) == 1  # the field of the flight

@@ -1,1 +1,1 @@
-"""How the fields of the suites `town` and `walls` are drawn, a module for each."""
+"""How the fields of suites are drawn: a module for each recipe, and where numbers come from."""

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from ferguson_gym.environment import ObstacleField
+from ferguson_gym.simulation import drawn_fields
 from ferguson_gym.simulation.batch_simulator import BLOCK, FIRST_BLOCK
 from ferguson_gym.simulation.settings import MAX_OBSTACLES, Settings
 from ferguson_gym.vector_environment import VectorObstacleField
@@ -143,13 +144,13 @@ def test_later_resets_draw_from_as_many_fields_as_asked_for() -> None:
 def test_only_fields_that_are_drawn_are_made_and_each_once(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    made, usual = [], Settings.drawn
+    made, usual = [], drawn_fields._put
 
-    def drawn(settings: Settings, seed: int) -> Obstacles:
-        made.append(seed)
-        return usual(settings, seed)
+    def put(*given: Any) -> None:
+        made.extend(given[-1].tolist())
+        usual(*given)
 
-    monkeypatch.setattr(Settings, "drawn", drawn)
+    monkeypatch.setattr(drawn_fields, "_put", put)
     envs = VectorObstacleField(2, fields=MAX_FIELDS)
     assert not made
     envs.reset(seed=0)

@@ -10,7 +10,8 @@ import pytest
 
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
-from ferguson_gym.world.paper_fields import is_from_paper, latin_hypercube, paper_field
+from ferguson_gym.world.paper_fields import is_from_paper, paper_field
+from ferguson_gym.world.recipes.scattered import latin_hypercube
 from ferguson_gym.world.suites import (
     LAST_SEED,
     SPLITS,
