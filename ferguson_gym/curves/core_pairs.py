@@ -8,6 +8,9 @@ from ferguson_gym.curves.nearest_point import Rows
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
 
+_ROUNDING = 1e-14
+"""Areas below this multiple of the squared lengths that they are made of count as zero."""
+
 
 @compiled
 def cores_gap(
@@ -77,12 +80,13 @@ def _lines_apart2(
     one: Array, k: int, after: int, other: Array, i: int, ahead: int, axes: Rows
 ) -> float:
     """Squared distance between the lines from corners k to `after` and from i to `ahead`."""
-    long2 = wide2 = both = from_one = from_other = 0.0
+    long2 = wide2 = both = from_one = from_other = off2 = 0.0
     for d in range(len(axes)):
         u, v = one[d, after] - one[d, k], other[d, ahead] - other[d, i]
         off = one[d, k] - other[d, i]
         long2 += u * u
         wide2 += v * v
+        off2 += off * off
         both += u * v
         from_one += u * off
         from_other += v * off
@@ -92,20 +96,36 @@ def _lines_apart2(
         _apart2(other, i, one, k, after, axes),
         _apart2(other, ahead, one, k, after, axes),
     )
+    if len(axes) == 2:
+        # nearer to a side than rounding, an end is as near to the other line
+        rounding = _ROUNDING * (long2 + wide2 + off2)
+        crosses = _lie_apart(one, k, after, other, i, ahead, rounding)
+        crosses = crosses and _lie_apart(other, i, ahead, one, k, after, rounding)
+        return 0.0 if crosses else least
     # the points where the lines are nearest if both went on
     area2 = long2 * wide2 - both * both
     if area2 > 0.0:
         s = (both * from_other - from_one * wide2) / area2
         t = (long2 * from_other - both * from_one) / area2
         if 0.0 < s < 1.0 and 0.0 < t < 1.0:
-            if len(axes) == 2:
-                return 0.0
             apart2 = 0.0
             for d in range(len(axes)):
                 u, v = one[d, after] - one[d, k], other[d, ahead] - other[d, i]
                 apart2 += (one[d, k] - other[d, i] + s * u - t * v) ** 2
             least = min(least, apart2)
     return least
+
+
+@compiled
+def _lie_apart(
+    one: Array, k: int, after: int, other: Array, i: int, ahead: int, rounding: float
+) -> bool:
+    """Whether corners i and `ahead` lie on different sides of the line from k to `after`."""
+    ux, uy = one[0, after] - one[0, k], one[1, after] - one[1, k]
+    begin = ux * (other[1, i] - one[1, k]) - uy * (other[0, i] - one[0, k])
+    end = ux * (other[1, ahead] - one[1, k]) - uy * (other[0, ahead] - one[0, k])
+    apart: bool = min(begin, end) < -rounding and max(begin, end) > rounding
+    return apart
 
 
 @compiled

@@ -26,6 +26,9 @@ _WIDEST = 100_000.0
 """Greatest extent of footprints for which one plane is good enough [m]."""
 _LEAST_AREA = 1e-12
 """Pieces of less area than this share of their squared perimeter are left out as rounding."""
+_ROUNDING = 1e-3
+"""Corners of footprints as near as this to each other, or to a wall, lie on it [m]: files round
+coordinates, to a tenth of a millimetre with nine decimals."""
 _MOST_NESTED = 32
 """Upper limit of collections within collections."""
 
@@ -102,11 +105,33 @@ def footprints(data: Any) -> list[Polygon]:
 def _field(path: Path, placement: Placement) -> Field:
     import shapely
 
-    united = shapely.union_all(footprints(read_json(path)))
+    united = shapely.union_all(_snapped(footprints(read_json(path))))
     pieces: list[Array] = []
     for polygon in shapely.get_parts(united):
         pieces += [piece for piece in convex_pieces(polygon) if _has_area(piece)]
     return placement.field(path.stem, Obstacles.polygons(pieces))
+
+
+def _snapped(polygons: list[Polygon]) -> list[Polygon]:
+    """Polygons that share corners and walls exactly where they do so but for rounding.
+
+    Otherwise a corner that lies on a neighbour's wall might leave a gap of no width beside it.
+    """
+    import shapely
+
+    tree = shapely.STRtree(polygons)
+    near: list[list[int]] = [[] for _ in polygons]
+    for one, other in tree.query(polygons, "dwithin", _ROUNDING).T.tolist():
+        if one != other:
+            near[one].append(other)
+    found = list(polygons)
+    # corners first, each to one that is settled; then walls to all corners on them
+    for earlier in (True, False):
+        for k, others in enumerate(near):
+            if some := [found[other] for other in others if other < k or not earlier]:
+                corners = shapely.multipoints(shapely.get_coordinates(some))
+                found[k] = shapely.snap(found[k], corners, _ROUNDING)
+    return [one if one.is_valid else polygons[k] for k, one in enumerate(found)]
 
 
 def _has_area(piece: Array) -> bool:

@@ -117,6 +117,11 @@ def read_cells(path: Path) -> NDArray[np.bool_]:
             f"{path}: not a MovingAI map, which begins with the lines type octile, height N, "
             "width N and map"
         )
+    if head[0][1:] != ["octile"]:
+        raise ValueError(
+            f"{path}: the type in line 1 must be octile, whose letters stand for cells, got "
+            f"{truncate_repr(' '.join(head[0][1:]))}"
+        )
     try:
         height, width = (int(head[k][1]) for k in (1, 2))
     except (IndexError, ValueError):

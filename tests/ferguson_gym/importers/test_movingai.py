@@ -70,6 +70,8 @@ def test_gaps_of_no_width_between_cells_are_closed_when_asked_for(tmp_path):
     ("old", "new", "message"),
     [
         ("type octile\n", "", "m.map: not a MovingAI map, which begins with the lines"),
+        ("octile", "octile-corner", "type in line 1 must be octile, .*, got 'octile-corner'"),
+        ("octile", "", "type in line 1 must be octile, .*, got ''"),
         ("height 3", "height x", "height and width in lines 2 and 3 must be numbers"),
         ("width 4", "width 99999999999", "of at most 67108864 cells"),
         ("height 3", "height 4", "m.map: 3 rows follow, and the height in line 2 is 4"),
