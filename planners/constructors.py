@@ -12,6 +12,7 @@ from planners.receding_horizon import Convex, Guided, Pursuit, RecedingHorizon
 from planners.whole_path.astar import AStar
 from planners.whole_path.convex_fit import convex_fit
 from planners.whole_path.exact import ShortestPathRouter
+from planners.whole_path.gcs import Gcs
 from planners.whole_path.ompl import Ompl
 from planners.whole_path.planner import Fitter, WholePath
 from planners.whole_path.route_fit import fit
@@ -62,6 +63,8 @@ pso = _fitted(particles, "pso", "pygmo", "pygmo")
 """Segments fitted to a route that particle swarms find."""
 abc = _fitted(bees, "abc", "pygmo", "pygmo")
 """Segments fitted to a route that artificial bee colonies find."""
+gcs = _fitted(Gcs)
+"""Graphs of Convex Sets, from Drake."""
 
 OWN: dict[str, Callable[[], Planner]] = {
     "single-start": single_start,
@@ -79,5 +82,6 @@ OWN: dict[str, Callable[[], Planner]] = {
     "bit-star": bit_star,
     "pso": pso,
     "abc": abc,
+    "gcs": gcs,
 }
 """Constructors by name; they raise a ValueError if a library is not installed."""

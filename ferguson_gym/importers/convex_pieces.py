@@ -48,18 +48,27 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
     Args:
         polygon: a valid polygon of shapely.
     """
+    return [np.array(piece) for piece in _overlapping(convex_cells(polygon))]
+
+
+def convex_cells(polygon: Polygon) -> list[Piece]:
+    """Convex polygons that cover a polygon, which may have holes, and do not overlap.
+
+    Two cells touch along common sides, whose two ends are corners of both.
+
+    Args:
+        polygon: a valid polygon of shapely.
+    """
     from shapely import constrained_delaunay_triangles, orient_polygons
 
     shapes = orient_polygons(constrained_delaunay_triangles(polygon)).geoms
-    triangles = [list(map(tuple, shape.exterior.coords))[:3] for shape in shapes]
-    pieces = _joined(triangles)
-    return [np.array(piece) for piece in _overlapping(pieces)]
+    return _joined([list(map(tuple, shape.exterior.coords))[:3] for shape in shapes])
 
 
 def _joined(triangles: list[Piece]) -> list[Piece]:
     """Pieces from triangles, over each common side if the two together are convex."""
     pieces: dict[int, Piece] = dict(enumerate(triangles))
-    sides = {side: k for k, piece in pieces.items() for side in _sides(piece)}
+    sides = {side: k for k, piece in pieces.items() for side in sides_of(piece)}
     for side in sorted(sides, key=_squared_length, reverse=True):
         (a, b), mine, other = side, sides.get(side), sides.get(side[::-1])
         if mine is None or other is None or mine == other:
@@ -69,14 +78,14 @@ def _joined(triangles: list[Piece]) -> list[Piece]:
         if len(set(whole)) == len(whole) and _is_convex(whole):
             del sides[a, b], sides[b, a], pieces[other]
             pieces[mine] = whole
-            sides.update(dict.fromkeys(_sides(whole), mine))
+            sides.update(dict.fromkeys(sides_of(whole), mine))
     return list(pieces.values())
 
 
 def _overlapping(pieces: list[Piece]) -> list[Piece]:
     """Pieces that reach into each other over common sides; where none can, one is added."""
     original = [list(piece) for piece in pieces]
-    sides = {side: k for k, piece in enumerate(original) for side in _sides(piece)}
+    sides = {side: k for k, piece in enumerate(original) for side in sides_of(piece)}
     pieces, bridges = [list(piece) for piece in pieces], []
     for a, b in [side for side in sides if side[::-1] in sides and side < side[::-1]]:
         mine, other = sides[a, b], sides[b, a]
@@ -98,7 +107,8 @@ def _overlapping(pieces: list[Piece]) -> list[Piece]:
     return pieces + bridges
 
 
-def _sides(piece: Piece) -> Iterable[tuple[Point, Point]]:
+def sides_of(piece: Piece) -> Iterable[tuple[Point, Point]]:
+    """The sides of a piece, each from one corner to the next."""
     return zip(piece, piece[1:] + piece[:1], strict=True)
 
 

@@ -6,14 +6,15 @@ import importlib.util
 from pathlib import Path
 
 
-def require(planner: str, module: str, library: str) -> None:
+def require(planner: str, module: str, library: str, extra: str = "peers") -> None:
     """Check that a planner's library, imported as `module`, is installed; do not import it.
 
     Raises:
-        ValueError: it is not; the message names the planner and the library.
+        ValueError: it is not; the message names the planner, the library and the extra that
+            installs it.
     """
     if importlib.util.find_spec(module) is None:
-        raise ValueError(f"planner {planner!r} needs {library}: {installing('peers')}")
+        raise ValueError(f"planner {planner!r} needs {library}: {installing(extra)}")
 
 
 def installing(extra: str) -> str:

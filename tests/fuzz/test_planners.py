@@ -45,6 +45,7 @@ MANY = {
     "bit-star": 200,
     "pso": 150,
     "abc": 150,
+    "gcs": 100,
     "guided+turn=2": 200,
     "guided+margin=0.5": 200,
     "guided+sensing=20": 200,

@@ -10,10 +10,11 @@ from typing import Any
 COLOURS = (
     *("#0b5fa5", "#e07b00", "#1e8449", "#c0392b", "#8e44ad", "#17a2b8", "#d63384"),
     *("#7a5c2e", "#9aa50f", "#3b3b98", "#f4b000", "#444444", "#f28cb1", "#00b388"),
-    "#a65628",
+    *("#a65628", "#5c1a33"),
 )
 """At least as many different colours as there are planners."""
-MARKERS = "osD^vP<X>pd8*hH"
+MARKERS: tuple[str | tuple[int, int, int], ...] = (*"osD^vP<X>pd8*hH", (4, 1, 0))
+"""The last one is a star with four points."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +22,8 @@ class Style:
     """How a planner is drawn."""
 
     colour: str
-    marker: str
+    marker: str | tuple[int, int, int]
+    """As matplotlib takes it."""
     size: float
     """Of the marker [pt]; later planners have smaller ones, so that all are visible."""
 
