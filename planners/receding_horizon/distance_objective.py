@@ -10,15 +10,10 @@ from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import Departure, shortest_departure
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
-from ferguson_gym.shortest_paths.goal_search.queries import departure
-from ferguson_gym.shortest_paths.goal_search.search import GoalSearch
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import is_disc, nearest_feature
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 
-_WHOLE, _NONE = np.empty(0, np.int64), np.empty(0)
-NO_TRACKS = Tracks(_WHOLE, _WHOLE, _NONE, _WHOLE, _NONE, _NONE, _WHOLE, _NONE)
-"""In the place of the tangent graph, where a search from the goal is used instead."""
 _OUTSIDE = 1e-6
 """Clearance given to a point that is moved out of an obstacle [m]."""
 _MIN_RADIUS = 0.5
@@ -52,33 +47,20 @@ class ToGoObjective:
 
     def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
         """F, its gradient (3,) and Hessian (3, 3) with respect to (l, P)."""
-        togo, x, y = self.togo, float(end[0]), float(end[1])
-        if togo.tracks is None and not togo.field.obstacles.are_discs:
-            return self._expand_by_parts(length, x, y)
-        search, tracks = (togo.borrow(), NO_TRACKS) if togo.tracks is None else (None, togo.tracks)
-        goal, tolerance = np.array(togo.field.goal), togo.tolerance
-        after, value, slope, curvature = expand_togo(
-            length, x, y, togo.scene, tracks, search, goal, tolerance, self.blocked
-        )
-        if after is not None:
-            togo.searches.append(after)
-        return value, slope, curvature
-
-    def _expand_by_parts(self, length: float, x: float, y: float) -> tuple[float, Array, Array]:
-        """As `expand`, from graphs of a part of the obstacles."""
-        near_x, near_y = x, y
-        way = self.togo.departure(x, y)
+        togo, near = self.togo, (float(end[0]), float(end[1]))
+        blocked = max(_NO_PATH, 5.0 * togo.field.distance)
+        if togo.tracks is not None:
+            goal, tolerance = togo.field.goal, togo.tolerance
+            return _expand_by_graph(
+                length, *near, togo.scene, togo.tracks, goal, tolerance, blocked
+            )
+        way = togo.departure(*near)
         for _ in range(_MAX_MOVES):
             if way.distance < np.inf:
                 break
-            near_x, near_y = _out_of_obstacles(self.togo.scene, near_x, near_y)
-            way = self.togo.departure(near_x, near_y)
-        return _expand(length, x, y, near_x, near_y, way, self.blocked)
-
-    @property
-    def blocked(self) -> float:
-        """D where no path is found [m]."""
-        return max(_NO_PATH, 5.0 * self.togo.field.distance)
+            near = _out_of_obstacles(togo.scene, *near)
+            way = togo.departure(*near)
+        return _expand(length, float(end[0]), float(end[1]), *near, way, blocked)
 
 
 @compiled
@@ -110,43 +92,25 @@ def _out_of_obstacles(scene: Scene, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
-def _leave(
-    scene: Scene,
-    tracks: Tracks,
-    search: GoalSearch | None,
-    goal: Array,
-    x: float,
-    y: float,
-    tolerance: float,
-) -> tuple[GoalSearch | None, Departure]:
-    """How the shortest path leaves a point, by the tangent graph or by a search from the goal."""
-    if search is None:
-        return search, shortest_departure(scene, tracks, goal, x, y, tolerance)
-    return departure(search, x, y, tolerance)
-
-
-@compiled
-def expand_togo(
+def _expand_by_graph(
     length: float,
     x: float,
     y: float,
     scene: Scene,
     tracks: Tracks,
-    search: GoalSearch | None,
     goal: Array,
     tolerance: float,
     blocked: float,
-) -> tuple[GoalSearch | None, float, Array, Array]:
-    """F and its derivatives at (x, y), after the search from the goal, if there is one."""
+) -> tuple[float, Array, Array]:
+    """F and its derivatives at (x, y) in one call, which takes as long as the rest otherwise."""
     near_x, near_y = x, y
-    after, way = _leave(scene, tracks, search, goal, x, y, tolerance)
+    way = shortest_departure(scene, tracks, goal, x, y, tolerance)
     for _ in range(_MAX_MOVES):
         if way.distance < np.inf:
             break
         near_x, near_y = _out_of_obstacles(scene, near_x, near_y)
-        after, way = _leave(scene, tracks, after, goal, near_x, near_y, tolerance)
-    value, slope, curvature = _expand(length, x, y, near_x, near_y, way, blocked)
-    return after, value, slope, curvature
+        way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
+    return _expand(length, x, y, near_x, near_y, way, blocked)
 
 
 @compiled
