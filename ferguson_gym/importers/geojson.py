@@ -14,6 +14,7 @@ from ferguson_gym.importers.convex_pieces import check_shapely, convex_pieces
 from ferguson_gym.importers.placement import Placement
 from ferguson_gym.runtime.arrays import Array, truncate_repr
 from ferguson_gym.runtime.json_files import read_json
+from ferguson_gym.world.cores.hulls import hulls
 from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 
@@ -109,7 +110,9 @@ def _field(path: Path, placement: Placement) -> Field:
     pieces: list[Array] = []
     for polygon in shapely.get_parts(united):
         pieces += [piece for piece in convex_pieces(polygon) if _has_area(piece)]
-    return placement.field(path.stem, Obstacles.polygons(pieces))
+    # corners on a straight side, but for rounding, are left out here, without a warning
+    corners, _ = hulls(pieces)
+    return placement.field(path.stem, Obstacles.polygons(corners))
 
 
 def _snapped(polygons: list[Polygon]) -> list[Polygon]:

@@ -1,6 +1,7 @@
 """Building footprints in GeoJSON: what is read, where it lies, and what is refused."""
 
 import json
+import warnings
 
 import numpy as np
 import pytest
@@ -83,6 +84,24 @@ def test_walls_of_different_lengths_that_touch_leave_no_way_either(tmp_path):
     for begin, end in (between[[1, 2]], between[[3, 0]]):
         wall = begin + np.linspace(0.01, 0.99, 50)[:, None] * (end - begin)
         assert (field.obstacles.signed_distance(wall).min(axis=1) < -1e-4).all()
+
+
+def test_corners_that_are_straight_but_for_rounding_give_no_warning(tmp_path):
+    hook = """0.0007166309353958738 8.042933773393759e-05, 0.0006999622478875019
+        -3.955420788275083e-06, 0.000533707291163523 2.8885248177085845e-05, 0.0005371572784010292
+        4.6350710877461295e-05, 0.0006859467724246327 1.6960029149606665e-05, 0.0006991654726954983
+        8.387932497144388e-05, 0.0007166309353958738 8.042933773393759e-05"""
+    court = """0.0008114531241190076 -2.504634900080232e-05, 0.0007142506640733372
+        7.308018855244995e-05, 0.0008285359436211886 0.00018628922044180684, 0.000925738403666859
+        8.816268288855454e-05, 0.0008114531241190076 -2.504634900080232e-05"""
+    yard = """0.0008284577428938321 0.00016975936276133723, 0.0007307805217538067
+        7.300198782509345e-05, 0.0008115313248463641 -8.516491320332754e-06, 0.0009092085459863895
+        8.824088361591105e-05, 0.0008284577428938321 0.00016975936276133723"""
+    crossing = shapely.from_wkt(f"MULTIPOLYGON ((({hook})), (({court}), ({yard})))")
+    path = write(tmp_path / "c.geojson", json.loads(shapely.to_geojson(crossing)))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_geojson(path)
 
 
 def test_a_byte_order_mark_is_skipped(tmp_path):
