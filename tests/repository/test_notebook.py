@@ -41,7 +41,6 @@ def saved(cell: dict[str, Any]) -> tuple[str, list[str]]:
     return text, ["".join(one["image/svg+xml"]) for one in data]
 
 
-@pytest.mark.xfail(reason="saved before guided flew convex windows: execute the notebook again")
 def test_cells_run_in_order_with_the_saved_outputs(monkeypatch: pytest.MonkeyPatch) -> None:
     plt.switch_backend("agg")
     names: dict[str, Any] = {}
