@@ -45,17 +45,24 @@ COLUMNS = (
 HEADER = f"| {' | '.join(COLUMNS)} | 99 % | decision [ms] |\n|{' --- |' * (len(COLUMNS) + 2)}"
 
 
-class Flight(NamedTuple):
-    """What became of the windows of a flight."""
+class Counts(NamedTuple):
+    """What became of the windows of some decisions."""
 
-    windows: int
+    windows: int = 0
     """Decisions for which windows were solved."""
-    joined: int
+    joined: int = 0
     """Windows that were joined to the reserve or end on the goal."""
-    shorter: int
+    shorter: int = 0
     """Those that were flown, since they shorten the reserve."""
-    planned: int
-    """How often the rest of a plan was flown since there was no window."""
+    planned: int = 0
+    """How often the rest of a plan was flown since no window was certified."""
+
+
+class Flight(NamedTuple):
+    """A flight and its decisions."""
+
+    counts: Counts
+    """Of all decisions."""
     arrived: bool
     gap: float
     seconds: list[float]
@@ -86,39 +93,44 @@ def joined(window: Array, reserve: Array, field: Field, left: int) -> Array | No
 
 
 def whole_flight(field: Field, vehicle: transition.State) -> Array | None:
-    """The first reserve."""
+    """The first reserve, if `convex-path` plans the flight."""
     route = ShortestPathRouter().route(field, vehicle, 0)
-    return None if route is None else convex_fit(route.points, field, vehicle)
+    return convex_fit(route.points, field, vehicle) if route else None
+
+
+def decide(field: Field, state: State, *, with_reserve: bool) -> tuple[Array | None, Counts]:
+    """The chain to fly from a state, and what became of its window."""
+    rest = remaining_plan(field, state)
+    plan = rest[0] if rest else None
+    reserve = plan if ends_on_goal(field, state) else None
+    if with_reserve and reserve is None:
+        reserve = whole_flight(field, state.vehicle)
+    if reserve is not None and not (with_reserve and len(reserve) >= PLANNER.segments):
+        return reserve, Counts()
+    near = State(state.vehicle, state.tail[: PLANNER.segments - 1], state.flown)
+    found, _ = PLANNER.window(field, near)
+    if found is None:
+        return (plan if reserve is None else reserve), Counts(windows=1, planned=1)
+    if reserve is None:
+        return found.control, Counts(windows=1, joined=1, shorter=1)
+    left = field.limits.segments - state.vehicle.segments
+    longer = found.control if found.final else joined(found.control, reserve, field, left)
+    if longer is None:
+        return reserve, Counts(windows=1)
+    if length(longer).sum() < length(reserve).sum():
+        return longer, Counts(windows=1, joined=1, shorter=1)
+    return reserve, Counts(windows=1, joined=1)
 
 
 def flight(field: Field, *, with_reserve: bool) -> Flight:
     """Fly through a field."""
     distance_to_go(field)  # made once a field, before the first decision
     state, outcome = State(transition.initial_state(field)), Outcome.FLYING
-    windows = joints = shorter = planned = 0
-    flown, seconds = 0.0, list[float]()
+    counts, flown, seconds = Counts(), 0.0, list[float]()
     while outcome is Outcome.FLYING:
         began = time.process_time()
-        left = field.limits.segments - state.vehicle.segments
-        rest = remaining_plan(field, state)
-        reserve = rest[0] if rest is not None and ends_on_goal(field, state) else None
-        if with_reserve and reserve is None:
-            reserve = whole_flight(field, state.vehicle)
-        chain = reserve
-        if reserve is None or (with_reserve and len(reserve) > PLANNER.segments - 1):
-            near = State(state.vehicle, state.tail[: PLANNER.segments - 1], state.flown)
-            found, _ = PLANNER.window(field, near)
-            windows += 1
-            new = None if found is None else found.control
-            if found is not None and with_reserve and not found.final and reserve is not None:
-                new = joined(found.control, reserve, field, left)
-            joints += new is not None
-            if new is not None and (reserve is None or length(new).sum() < length(reserve).sum()):
-                chain, shorter = new, shorter + 1
-            if found is None:
-                planned += 1
-            if chain is None and rest is not None:
-                chain = rest[0]
+        chain, more = decide(field, state, with_reserve=with_reserve)
+        counts = Counts(*map(sum, zip(counts, more, strict=True)))
         if chain is None:
             break
         step = transition.fly_segment(field, state.vehicle, chain[0])
@@ -128,15 +140,14 @@ def flight(field: Field, *, with_reserve: bool) -> Flight:
         flown += float(step.inspection.length)
         state, outcome = successor(state, chain, step.state), step.outcome
     exact = exact_length(field)
-    arrived = outcome is Outcome.GOAL_REACHED and exact is not None
-    excess = gap(flown, exact) if arrived and exact is not None else np.inf
-    return Flight(windows, joints, shorter, planned, arrived, excess, seconds)
+    arrived = outcome is Outcome.GOAL_REACHED
+    return Flight(counts, arrived, gap(flown, exact) if arrived and exact else np.inf, seconds)
 
 
 def row(spec: str, with_reserve: bool) -> str:
     """A line of the table."""
     flights = [flight(field, with_reserve=with_reserve) for field in get_fields(spec)]
-    windows, joints, shorter, planned = np.array([one[:4] for one in flights]).sum(axis=0)
+    windows, joints, shorter, planned = np.sum([one.counts for one in flights], axis=0)
     middle, wide = 100.0 * np.quantile([one.gap for one in flights], [0.5, 0.99], method="nearest")
     decision = 1e3 * np.median(np.concatenate([one.seconds for one in flights]))
     return (

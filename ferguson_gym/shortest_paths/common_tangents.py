@@ -153,7 +153,7 @@ def more_tangents(scene: Scene, known: int, lines: Tangents) -> Tangents:
         x, y = point_of(scene, track, at)
         ux, uy = -math.sin(at), (1.0 - 2.0 * (track % 2)) * math.cos(at)
         for k in range(known, len(discs)):
-            if comes_within(x, y, ux, uy, length, discs[k]) and (
+            if comes_within(discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length) and (
                 is_disc(shapes, k) or enters(x, y, ux, uy, length, shapes, k)
             ):
                 free[line] = False
@@ -188,12 +188,8 @@ def _is_blocked(
         if nearby[place, 3] >= far:
             break
         dx, dy, reach = nearby[place, 0] - x, nearby[place, 1] - y, nearby[place, 2]
-        beside = dx * uy - dy * ux
-        if abs(beside) < reach and order[place] != other:
-            along = dx * ux + dy * uy
-            beyond = -along if along < 0.0 else max(along - length, 0.0)
-            if beside * beside + beyond * beyond < reach * reach:
-                return True
+        if comes_within(dx, dy, reach, ux, uy, length) and order[place] != other:
+            return True
     return False
 
 
@@ -218,7 +214,9 @@ def _enters_any(
         if near[place] >= far:
             break
         k = order[place]
-        if k in (one, other) or not comes_within(x, y, ux, uy, length, discs[k]):
+        if k in (one, other) or not comes_within(
+            discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length
+        ):
             continue
         if first[k + 1] - first[k] > 1 and enters(x, y, ux, uy, length, scene.shapes, k):
             return True

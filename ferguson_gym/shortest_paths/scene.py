@@ -8,7 +8,7 @@ passage, however narrow. Obstacles smaller than the margin are ignored.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -190,14 +190,13 @@ def view(discs: Records, x: float, y: float) -> View:
 
 
 @compiled_in_place
-def comes_within(x: float, y: float, ux: float, uy: float, length: float, disc: Any) -> bool:
-    """Whether a line from (x, y) in a unit direction comes nearer to a disc than its reach."""
-    dx, dy = disc.x - x, disc.y - y
+def comes_within(dx: float, dy: float, reach: float, ux: float, uy: float, length: float) -> bool:
+    """Whether a line in a unit direction comes within the reach of a disc at (dx, dy) from it."""
     beside, within = dx * uy - dy * ux, False
-    if abs(beside) < disc.reach:
+    if abs(beside) < reach:
         along = dx * ux + dy * uy
         beyond = -along if along < 0.0 else max(along - length, 0.0)
-        within = beside * beside + beyond * beyond < disc.reach * disc.reach
+        within = beside * beside + beyond * beyond < reach * reach
     return within
 
 
@@ -226,7 +225,7 @@ def is_clear(
         k = view.order[place]
         if k in (one, other):
             continue
-        if comes_within(x, y, ux, uy, length, discs[k]):
+        if comes_within(discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length):
             if len(shapes.first) == 0 or shapes.first[k + 1] - shapes.first[k] == 1:
                 return False
             if enters(x, y, ux, uy, length, shapes, k):
@@ -274,6 +273,6 @@ def is_clear_of_discs(
         k = view.order[place]
         if k in (one, other):
             continue
-        if comes_within(x, y, ux, uy, length, discs[k]):
+        if comes_within(discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length):
             return False
     return True

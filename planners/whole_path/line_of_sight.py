@@ -81,7 +81,7 @@ def keeps_clear(
     length = np.sqrt(dx * dx + dy * dy)
     ux, uy = (dx / length, dy / length) if length > 0.0 else (1.0, 0.0)
     for k in range(len(discs)):
-        if comes_within(x, y, ux, uy, length, discs[k]):
+        if comes_within(discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length):
             if len(first) == 0 or first[k + 1] - first[k] == 1:
                 return False
             if enters(x, y, ux, uy, length, Shapes(first, corners, radii, reach), k):

@@ -11,7 +11,7 @@ import dataclasses
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 from typing import Literal, get_args
 
 import numpy as np
@@ -22,7 +22,7 @@ from ferguson_gym.shortest_paths.scene import scene
 from ferguson_gym.world import Field, transition
 from planners.interface import Iterations, Route, Seconds
 from planners.whole_path.line_of_sight import Barriers
-from planners.whole_path.subprocess_worker import Worker
+from planners.whole_path.subprocess_worker import Worker, shared_worker
 
 Algorithm = Literal["rrt", "rrt-star", "prm", "bit-star"]
 
@@ -62,12 +62,6 @@ class Answer:
     """As in `Route`; the seconds count from the arrival of the request."""
 
 
-@cache
-def shared_worker() -> Worker:
-    """The worker that all routers share, because its start takes a second."""
-    return Worker(WORKER)
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Ompl:
     """A planner of OMPL with the library's default settings, as a router.
@@ -85,7 +79,7 @@ class Ompl:
     """Whether OMPL's path simplifier shortens the route, in addition to the budget."""
     timeout: float = 60.0
     """Time beyond the budget after which the library counts as hung [s]."""
-    worker: Worker = dataclasses.field(default_factory=shared_worker, repr=False)
+    worker: Worker = dataclasses.field(default_factory=partial(shared_worker, WORKER), repr=False)
     """Subprocess of the library; routers that share it plan one at a time."""
 
     def __post_init__(self) -> None:

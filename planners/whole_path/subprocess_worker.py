@@ -18,6 +18,7 @@ import threading
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -93,6 +94,12 @@ class Worker:
         if self._subprocess is not None:
             self._subprocess.end()
             self._subprocess = None
+
+
+@cache
+def shared_worker(module: str) -> Worker:
+    """The worker for a module that all routers share, because its start takes a second."""
+    return Worker(module)
 
 
 class _Subprocess:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from dataclasses import dataclass
-from functools import cache
+from functools import partial
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from planners.interface import Route
 from planners.whole_path.gcs.cells import Cells, free_cells, without_detours
 from planners.whole_path.gcs.polygons import circumscribed
 from planners.whole_path.line_of_sight import scene_from
-from planners.whole_path.subprocess_worker import Worker
+from planners.whole_path.subprocess_worker import Worker, shared_worker
 
 WORKER = "planners.whole_path.gcs.server"
 """Module that runs in the subprocess."""
@@ -50,12 +50,6 @@ class Answer:
     """(n, 2) corners of a route [m]; None if none was found."""
 
 
-@cache
-def shared_worker() -> Worker:
-    """The worker that all routers share, because its start takes a second."""
-    return Worker(WORKER)
-
-
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Gcs:
     """Routes by Drake's `GcsTrajectoryOptimization`, with Clarabel as the solver.
@@ -73,7 +67,7 @@ class Gcs:
     shortest is taken."""
     timeout: float = 120.0
     """Time after which the library counts as hung [s]."""
-    worker: Worker = dataclasses.field(default_factory=shared_worker, repr=False)
+    worker: Worker = dataclasses.field(default_factory=partial(shared_worker, WORKER), repr=False)
     """Subprocess of the library; routers that share it plan one at a time."""
 
     def __post_init__(self) -> None:

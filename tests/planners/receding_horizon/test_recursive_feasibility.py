@@ -65,8 +65,8 @@ def test_with_a_reserve_a_flight_arrives_where_no_program_is_solved(
     for name in ("standard/train:0", "town/train:0"):
         flown = reserve.flight(get_field(name), with_reserve=True)
         assert flown.arrived
-        assert (flown.joined, flown.shorter) == (0, 0)
-        assert flown.planned == flown.windows > 0
+        assert (flown.counts.joined, flown.counts.shorter) == (0, 0)
+        assert flown.counts.planned == flown.counts.windows > 0
         assert not reserve.flight(get_field(name), with_reserve=False).arrived
 
 
@@ -77,7 +77,7 @@ def test_with_a_reserve_a_flight_is_no_longer_than_the_first_one(reserve: Any) -
         exact = reserve.exact_length(field)
         flown = reserve.flight(field, with_reserve=True)
         assert flown.arrived
-        assert flown.shorter > 0
+        assert flown.counts.shorter > 0
         assert flown.gap <= length(first).sum() / exact - 1.0 + 1e-7
 
 

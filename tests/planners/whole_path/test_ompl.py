@@ -20,8 +20,8 @@ from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import CrashedError, Iterations, Route, Seconds
 from planners.registry import make
-from planners.whole_path.ompl import WORKER, Ompl, shared_worker
-from planners.whole_path.subprocess_worker import ROOT, Worker
+from planners.whole_path.ompl import WORKER, Ompl
+from planners.whole_path.subprocess_worker import ROOT, Worker, shared_worker
 
 pytest.importorskip("ompl")
 
@@ -205,7 +205,7 @@ def test_a_worker_killed_in_the_middle_is_a_crash_and_the_next_plan_works() -> N
     field = get_field("standard/train:0")
     before = found(ROUTERS["rrt-star"], field)
     endless = replace(ROUTERS["rrt-star"], budget=Iterations(10**9))
-    killed = threading.Timer(0.5, lambda: os.kill(shared_worker().pid or 0, signal.SIGSEGV))
+    killed = threading.Timer(0.5, lambda: os.kill(shared_worker(WORKER).pid or 0, signal.SIGSEGV))
     killed.start()
     with pytest.raises(CrashedError, match="ended with exit status -11"):
         endless.route(field, transition.initial_state(field), 0)
