@@ -5,10 +5,14 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from agents.policies.registry import make_planner
 from agents.policies.spec import PolicySpec
 from agents.runtime.kernels import small_field
-from planners.interface import Planner, initial_state
+from ferguson_gym.world import Field
+from planners.interface import Planner, Replanner, State, initial_state
+from planners.optimization.route_knots import turn_aligned
 from planners.whole_path.planner import with_seconds
 
 _SECONDS = 0.2
@@ -44,4 +48,17 @@ def warm(name: str, seconds: float | None = None) -> Planner:
         # a range is at least the longest segment
         field = field.with_limits(longest=min(field.limits.longest, spec.planner.sensing))
     with_seconds(planner, _SECONDS).plan(field, initial_state(field), 0)
+    if isinstance(planner, Replanner):
+        planner.decide(field, _turned_away(field), 0)
+    # routes that turn often need it
+    straight = np.linspace(field.start, field.goal)
+    start = initial_state(field).vehicle
+    list(turn_aligned(start, straight, field.obstacles, field.limits, 3))
     return planner
+
+
+def _turned_away(field: Field) -> State:
+    """At the start, but away from the goal: `guided` must search there, for turns as well."""
+    start = initial_state(field)
+    away = replace(start.vehicle, derivative=-start.vehicle.derivative)
+    return replace(start, vehicle=away)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +80,8 @@ def turn_aligned(
     speeds = np.geomspace(limits.shortest, limits.longest, _SPEEDS)
     most = min(segments, last // grid.few)
     price = _SEGMENT_PRICE * limits.shortest
+    # a copy, since a field's start is read-only, which kernels would be compiled for once more
+    state = replace(state, derivative=np.array(state.derivative))
     cost = costs(grid, state.derivative, speeds, limits.shortest)
     seen: list[Array] = []
     for search in (None, *_ENTRIES_TRIED):

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from planners.interface import Evaluations, Iterations, Planner
-from planners.registry import make
+from planners.registry import PLANNERS, make
 
 BUDGETS = {
     "rrt-star": Iterations(1500),
@@ -18,11 +18,24 @@ BUDGETS = {
 
 def quick(name: str) -> Planner:
     """The planner of this name; skips the test where its library is not installed."""
-    try:
-        planner = make(name)
-    except ValueError as error:
-        pytest.skip(str(error))
+    if missing := _needs(name):
+        pytest.skip(missing)
+    planner = make(name)
     if name not in BUDGETS:
         return planner
     router = replace(planner.router, budget=BUDGETS[name])  # type: ignore[attr-defined]
     return replace(planner, router=router)  # type: ignore[type-var]
+
+
+def installed() -> list[str]:
+    """Names of the planners whose libraries are installed."""
+    return [name for name in PLANNERS if _needs(name) is None]
+
+
+def _needs(name: str) -> str | None:
+    """What the error says if the planner's library is not installed."""
+    try:
+        make(name)
+    except ValueError as error:
+        return str(error)
+    return None

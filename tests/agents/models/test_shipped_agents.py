@@ -94,7 +94,7 @@ def test_a_missing_library_is_reported(shipped: Path, monkeypatch: pytest.Monkey
 
 @pytest.mark.usefixtures("shipped")
 def test_the_error_for_an_unknown_policy_lists_the_known_ones() -> None:
-    with pytest.raises(ValueError, match="abc, ace, rookie, best, and the directories of trained"):
+    with pytest.raises(ValueError, match="gcs, ace, rookie, best, and the directories of trained"):
         make_policy("bset")
 
 

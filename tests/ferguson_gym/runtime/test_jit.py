@@ -155,8 +155,7 @@ from agents.policies.planner_policies import planner_policy
 from agents.policies.warm_up import warm
 from agents.runtime.kernels import compile_kernels
 from ferguson_gym.world.field_names import get_field
-from planners.registry import PLANNERS
-from tests.support.quick_planners import quick
+from tests.support.quick_planners import installed, quick
 
 def kernels():
     found = [thing for thing in gc.get_objects() if isinstance(thing, Dispatcher)]
@@ -165,10 +164,10 @@ def kernels():
 names = "sparse/train:0", "traps/train:0", "paper:1", "town/train:2", "walls/train:1"
 fields = [get_field(name) for name in names]
 compile_kernels()
-for planner in PLANNERS:
+for planner in installed():
     warm(planner)
 before = kernels()
-for planner in PLANNERS:
+for planner in installed():
     for field in fields:
         fly(planner_policy(quick(planner)), field)
 print(sorted(kernels() - before))

@@ -17,6 +17,8 @@ from planners.rollout import roll_out
 from planners.wrappers.backtracking import Backtracking, segments_without_progress
 
 OPEN = Field(name="open", obstacles=Obstacles.discs([], []))
+GUIDED = ("class", "convex", "extended")
+"""How the names of starts begin that only `Guided` has."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +66,7 @@ def test_the_paper_s_planner_is_led_out_of_a_pocket() -> None:
     planner = make("multi-start+backtrack")
     plan = planner.plan(field, initial_state(field), 0)
     assert plan.success
-    guided = [decision.report.start.startswith("class") for decision in plan.decisions]
+    guided = [decision.report.start.startswith(GUIDED) for decision in plan.decisions]
     waited = [segments_without_progress(field, state) for state in plan.states[: len(guided)]]
     assert any(guided)
     assert not guided[0]
