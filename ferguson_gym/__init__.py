@@ -5,7 +5,8 @@ public names below are imported when they are first used, so that `import fergus
 more than `import gymnasium` and loads neither the compiler nor matplotlib. Folders, lowest layer
 first: `runtime` (arrays, compiled functions, threads), `svg` (pictures), `curves` (Ferguson
 segments and their certified clearance), `world` (fields, limits, actions, feasibility),
-`shortest_paths` (exact), `simulation` (the compiled step) and `rendering`.
+`shortest_paths` (exact), `vehicles` (how fast they fly), `simulation` (the compiled step) and
+`rendering`.
 """
 
 from importlib import import_module
@@ -16,6 +17,8 @@ from gymnasium.envs.registration import register
 if TYPE_CHECKING:
     from ferguson_gym.environment import ObstacleField as ObstacleField
     from ferguson_gym.vector_environment import VectorObstacleField as VectorObstacleField
+    from ferguson_gym.vehicles import Vehicle as Vehicle
+    from ferguson_gym.vehicles import get_vehicle as get_vehicle
     from ferguson_gym.world import Field as Field
     from ferguson_gym.world import Limits as Limits
     from ferguson_gym.world import Obstacles as Obstacles
@@ -41,6 +44,7 @@ if not TYPE_CHECKING:  # a type checker that saw it would accept any name
             ("Field", "Limits", "Obstacles", "Outcome", "get_field", "get_fields"),
             "ferguson_gym.world",
         ),
+        **dict.fromkeys(("Vehicle", "get_vehicle"), "ferguson_gym.vehicles"),
     }
 
     def __getattr__(name):

@@ -9,7 +9,10 @@ import pytest
 import ferguson_gym
 
 NAMES = {
-    "": ("ObstacleField VectorObstacleField Field Obstacles Limits Outcome get_field get_fields"),
+    "": (
+        "ObstacleField VectorObstacleField Field Obstacles Limits Outcome Vehicle get_field "
+        "get_fields get_vehicle"
+    ),
     ".curves": "evaluate derivative length clearance Path PathSamples",
     ".shortest_paths": "shortest_path exact_length gap DistanceToGoal",
 }
