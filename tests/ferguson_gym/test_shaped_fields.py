@@ -107,10 +107,11 @@ def test_many_at_once_are_each_as_one_alone_in_a_pool_of_shapes_and_discs(
     each = [env.reset(seed=i)[0] for i, env in enumerate(alone)]
     over = np.zeros(number, np.bool_)
     names = set()
-    for _ in range(25):
+    for step in range(25):
         for i in range(number):
             same({key: value[i] for key, value in shown.items()}, each[i])
-            names.add(envs.field(i).name)
+        if step % 8 == 0:  # fields are drawn anew to be shown
+            names |= {envs.field(i).name for i in range(number)}
         flown = actions(stream, number)
         if mode is AutoresetMode.DISABLED and over.any():
             shown, _ = envs.reset(options={"reset_mask": over})

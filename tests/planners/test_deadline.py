@@ -85,10 +85,11 @@ def test_the_rest_keeps_the_turn_radius_and_the_number_of_segments(
         assert decision.chain is not None
         chains.append(decision.chain)
         decision.chain[2:, 3] *= 0.05  # a sharp turn, far from obstacles
+        time.sleep(0.3)
         return decision
 
     monkeypatch.setattr(Guided, "decide", spoiled)
-    plan = plan_within(planner, FIELD, START, 0, 1e-3)
+    plan = plan_within(planner, FIELD, START, 0, 0.3)
     assert plan.status is Status.OUT_OF_TIME
     assert keeps_turn_radius(plan.control, radius, FIELD.limits.tolerance).all()
     assert len(plan.control) == 2 < len(chains[0])

@@ -2,7 +2,9 @@
 
 import csv
 import json
+import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +14,7 @@ from agents.flights import flight
 from agents.policies.warm_up import warm
 from ferguson_gym.curves import Path as Curve
 from ferguson_gym.world import Field
-from planners import reachability
+from planners import Decision, reachability
 from planners.receding_horizon import Pursuit
 
 PLAN = ["plan", "sparse/train:0", "--planner", "shortest"]
@@ -125,9 +127,15 @@ def test_a_failed_plan_is_reported_with_its_cause_and_the_path_before_it(
 
 
 def test_a_deadline_leaves_the_path_so_far(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     warm("pursuit")
+    decide = Pursuit.decide
+
+    def slow(*arguments: Any) -> Decision:
+        time.sleep(0.5)
+        return decide(*arguments)
+
     out = tmp_path / "path.json"
     command = ["plan", "dense/train:1", "--planner", "pursuit", "--out", str(out)]
     assert main([*command, "--deadline", "1e-9"]) == 1
@@ -135,7 +143,9 @@ def test_a_deadline_leaves_the_path_so_far(
     assert "ran out of time before the goal, after 1e-09 s\n0 segments, " in printed
     assert err.endswith(f"no path, so nothing is written to {out}\n")
     # one decision is made, and the rest of it is flown
-    assert main([*command, "--deadline", "1e-4", "--json"]) == 1
+    with monkeypatch.context() as patched:
+        patched.setattr(Pursuit, "decide", slow)
+        assert main([*command, "--deadline", "0.5", "--json"]) == 1
     printed, err = capsys.readouterr()
     report = json.loads(printed)
     assert (report["status"], report["success"]) == ("out_of_time", False)

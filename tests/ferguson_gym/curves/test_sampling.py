@@ -41,7 +41,7 @@ def test_a_circle_has_even_points_tangents_and_signed_curvature(turn):
     np.testing.assert_allclose(samples.distance, np.linspace(0.0, path.length, 101))
 
 
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=20, deadline=None, derandomize=True)
 @given(st.lists(KNOT, min_size=2, max_size=5), st.integers(2, 40))
 def test_the_way_between_neighbours_is_the_same_along_any_path(knots, number):
     points, slopes = np.array(knots).transpose(1, 0, 2)
