@@ -2,9 +2,16 @@
 
 A `Vehicle` has limits of speed, roll and acceleration; `get_vehicle` finds the shipped ones by name
 and others in JSON files. `rates` certifies the speeds and accelerations of segments that are flown
-in given durations, and a `VehicleOutcome` says which limit they break.
+in given durations, and a `VehicleOutcome` says which limit they break. `shortest_durations` gives a
+chain of segments its durations, `fastest_along` finds the best speeds along a path, and
+`fastest_bound` is a time that no flight through a field beats.
 """
 
+from ferguson_gym.vehicles.bound import fastest_bound as fastest_bound
+from ferguson_gym.vehicles.retiming import Retiming as Retiming
+from ferguson_gym.vehicles.retiming import shortest_durations as shortest_durations
+from ferguson_gym.vehicles.speed_profile import SpeedProfile as SpeedProfile
+from ferguson_gym.vehicles.speed_profile import fastest_along as fastest_along
 from ferguson_gym.vehicles.timed_segments import Rates as Rates
 from ferguson_gym.vehicles.timed_segments import rates as rates
 from ferguson_gym.vehicles.vehicle import Vehicle as Vehicle

@@ -110,7 +110,7 @@ def test_many_at_once_are_each_as_one_alone_in_a_pool_of_shapes_and_discs(
     for step in range(25):
         for i in range(number):
             same({key: value[i] for key, value in shown.items()}, each[i])
-        if step % 8 == 0:  # fields are drawn anew to be shown
+        if step % 8 == 0:  # fields are drawn again to be shown
             names |= {envs.field(i).name for i in range(number)}
         flown = actions(stream, number)
         if mode is AutoresetMode.DISABLED and over.any():
