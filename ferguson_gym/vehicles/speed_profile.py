@@ -124,19 +124,8 @@ def profile(
         [0.0, 15.0]
     """
     start = vehicle.check_start_speed(start_speed)
-    steps = finite("lengths of pieces", steps, (None,))
-    if not (len(steps) and steps.min() > 0.0):
-        raise ValueError("a path consists of at least one piece, and all are longer than 0 m")
-    bends = real("curvatures of pieces", bends)
-    if bends.shape != steps.shape or not (bends >= 0.0).all():
-        raise ValueError(f"need a curvature of at least 0 for each of {len(steps)} pieces")
-    along = math.inf if vehicle.max_path_acceleration is None else vehicle.max_path_acceleration
-    total = math.inf if vehicle.max_acceleration is None else vehicle.max_acceleration
-    sideways = min(vehicle.max_lateral, total)
-    with np.errstate(divide="ignore", over="ignore"):
-        caps = sideways / bends
-    caps[np.isnan(caps)] = np.inf  # nothing limits turns
-    caps = np.minimum(caps, vehicle.max_speed**2)
+    steps, bends, caps = _checked(steps, bends, vehicle)
+    along, total = _accelerations(vehicle)
     distance = np.concatenate([[0.0], np.cumsum(steps)])
     squares = np.minimum(np.append(caps, np.inf), np.insert(caps, 0, np.inf))
     steep = VehicleOutcome.TOO_STEEP if vehicle.max_lateral <= total else VehicleOutcome.TOO_HARD
@@ -156,6 +145,40 @@ def profile(
     return SpeedProfile(
         distance=distance, speed=np.sqrt(squares), seconds=seconds, outcome=outcome, where=where
     )
+
+
+def seconds_at_any_speed(
+    steps: ArrayLike, bends: ArrayLike, vehicle: Vehicle, start_speed: float | None = None
+) -> float:
+    """As `profile`, but the vehicle may fly slower than its least speed, and start slower.
+
+    So the time of a path that cannot be flown is finite, and long if it is far from that: a
+    measure to rank paths by. It is infinite where a curvature is.
+    """
+    start = vehicle.check_start_speed(start_speed)
+    steps, bends, caps = _checked(steps, bends, vehicle)
+    squares = np.minimum(np.append(caps, np.inf), np.insert(caps, 0, np.inf))
+    return float(_passes(steps, bends, squares, start**2, *_accelerations(vehicle)))
+
+
+def _checked(steps: ArrayLike, bends: ArrayLike, vehicle: Vehicle) -> tuple[Array, Array, Array]:
+    """Lengths and curvatures of pieces, and the greatest square of the speed on each."""
+    steps = finite("lengths of pieces", steps, (None,))
+    if not (len(steps) and steps.min() > 0.0):
+        raise ValueError("a path consists of at least one piece, and all are longer than 0 m")
+    bends = real("curvatures of pieces", bends)
+    if bends.shape != steps.shape or not (bends >= 0.0).all():
+        raise ValueError(f"need a curvature of at least 0 for each of {len(steps)} pieces")
+    with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
+        caps = min(vehicle.max_lateral, _accelerations(vehicle)[1]) / bends
+    caps[np.isnan(caps)] = np.inf  # nothing limits turns
+    return steps, bends, np.minimum(caps, vehicle.max_speed**2)
+
+
+def _accelerations(vehicle: Vehicle) -> tuple[float, float]:
+    """Limits of the acceleration along the path and in total [m/s^2], infinite where none is."""
+    along, total = vehicle.max_path_acceleration, vehicle.max_acceleration
+    return math.inf if along is None else along, math.inf if total is None else total
 
 
 def pieces_of(control: ArrayLike, number: int) -> tuple[Array, Array]:

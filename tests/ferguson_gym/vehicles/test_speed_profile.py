@@ -10,7 +10,13 @@ from scipy.optimize import linprog
 
 from ferguson_gym.curves.splines import curvature
 from ferguson_gym.runtime.arrays import Array
-from ferguson_gym.vehicles.speed_profile import SpeedProfile, fastest_along, pieces_of, profile
+from ferguson_gym.vehicles.speed_profile import (
+    SpeedProfile,
+    fastest_along,
+    pieces_of,
+    profile,
+    seconds_at_any_speed,
+)
 from ferguson_gym.vehicles.vehicle import Vehicle
 from ferguson_gym.vehicles.vehicle_names import VEHICLES, get_vehicle
 
@@ -149,6 +155,16 @@ def test_finer_pieces_leave_room_for_braking_from_the_start() -> None:
     start = 10.15
     assert not profile(*pieces_of(bend, 16), fast, start).outcome.success
     assert fastest_along(bend, fast, start).outcome.success
+
+
+def test_any_speed_gives_a_finite_time_to_what_cannot_be_flown() -> None:
+    steps = [10.0] * 3
+    flown = profile(steps, [0.0, 0.2, 0.0], WING)
+    assert seconds_at_any_speed(steps, [0.0, 0.2, 0.0], WING) == flown.seconds
+    times = [seconds_at_any_speed(steps, [0.0, bend, 0.0], WING) for bend in (0.2, 0.3, 3.0, 1e3)]
+    assert times == sorted(times)
+    assert times[-1] < math.inf
+    assert seconds_at_any_speed(steps, [0.0, math.inf, 0.0], WING) == math.inf
 
 
 def test_pieces_have_the_length_and_curvature_of_their_chain() -> None:
