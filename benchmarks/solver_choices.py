@@ -10,10 +10,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from unittest.mock import patch
 
 import numpy as np
 from rich.console import Console
@@ -21,95 +18,23 @@ from rich.progress import track
 from rich.table import Table
 
 from agents.benchmarks.solvers import Task, take_windows
-from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.world.field_names import get_fields
 from planners.optimization.certification import Certified
-from planners.optimization.sqp import elastic_sqp
 from planners.optimization.sqp.elastic_sqp import ElasticSqp
-from planners.optimization.sqp.iterate import Iterate
 from planners.optimization.sqp.multi_start import MultiStart
 from planners.receding_horizon.paper import RecedingHorizon
 
 
-def raise_eigenvalues(matrix: Array, floor: float, out: Array) -> None:
-    """In the place of `make_definite`: by eigenvalue decomposition."""
-    values, vectors = np.linalg.eigh(matrix)
-    values = np.maximum(np.maximum(values, 0.3 * np.abs(values)), floor)
-    out[:] = (vectors * values) @ vectors.T
-
-
-def _lagrangian_gradient(point: Iterate, tension: Array, pulls: Array) -> Array:
-    return point.gradient - tension @ point.expansion.length_slope - pulls
-
-
-class _Bfgs(elastic_sqp.Search):
-    """Damped BFGS (Powell 1978) in the place of the exact Hessian."""
-
-    def _differentiate(self, point: Iterate, before: Iterate, multipliers: Array) -> None:
-        old = before.hessian.copy()
-        super()._differentiate(point, before, multipliers)
-        if point is before:
-            point.hessian[:] = np.diag(1.0 / self.scale**2)
-            return
-        n = len(point.tension)
-        rows = self.rows.taken[: len(multipliers) - n]
-        past = multipliers[n:] @ before.expansion.slope[rows]
-        now = point.multiplier[: point.contacts] @ point.expansion.slope[: point.contacts]
-        s = point.x - before.x
-        y = _lagrangian_gradient(point, point.tension, now)
-        y = y - _lagrangian_gradient(before, point.tension, past)
-        bent = old @ s
-        stiffness, curvature = float(s @ bent), float(s @ y)
-        if curvature < 0.2 * stiffness:
-            share = 0.8 * stiffness / (stiffness - curvature)
-            y = share * y + (1.0 - share) * bent
-        old += np.outer(y, y) / float(s @ y) - np.outer(bent, bent) / stiffness
-        point.hessian[:] = old
-
-
-class _L1Merit:
-    """In the place of the filter: objective plus 40 times the violation must fall."""
-
-    def __init__(self, most: float) -> None:
-        self._last = math.inf
-
-    def add(self, objective: float, violation: float) -> None:
-        """Remember a point."""
-        self._last = objective + 40.0 * violation
-
-    def accepts(self, objective: float, violation: float) -> bool:
-        """Whether the merit falls."""
-        return objective + 40.0 * violation < self._last
-
-
-@contextmanager
-def as_shipped() -> Iterator[None]:
-    """Change nothing."""
-    yield
-
-
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A solver, and what is patched while it works."""
+    """A solver, and a weight of windows."""
 
     solver: MultiStart = field(default_factory=MultiStart)
-    patched: Callable[[], object] = as_shipped
     bending_weight: float = 0.0
 
 
 VARIANTS = {
     "as shipped": Variant(),
-    "eigenvalue decomposition": Variant(
-        patched=lambda: patch(
-            "planners.optimization.sqp.elastic_sqp.make_definite", raise_eigenvalues
-        )
-    ),
-    "damped BFGS": Variant(
-        patched=lambda: patch("planners.optimization.sqp.multi_start.Search", _Bfgs)
-    ),
-    "l1 merit instead of filter": Variant(
-        patched=lambda: patch("planners.optimization.sqp.elastic_sqp.Filter", _L1Merit)
-    ),
     "no guess abandoned": Variant(MultiStart(search=ElasticSqp(patience=math.inf))),
     "no sidesteps": Variant(MultiStart(sidesteps=())),
     "precision 1e-3": Variant(MultiStart(search=ElasticSqp(precision=1e-3))),
@@ -122,10 +47,9 @@ VARIANTS = {
 def solve(variant: Variant, task: Task) -> tuple[list[Certified], float]:
     """One step of a variant, and its time."""
     window = replace(task.window, bending_weight=variant.bending_weight)
-    with variant.patched():  # type: ignore[attr-defined]
-        began = time.perf_counter()
-        ends = variant.solver.solve(window, task.guesses)
-        return ends, time.perf_counter() - began
+    began = time.perf_counter()
+    ends = variant.solver.solve(window, task.guesses)
+    return ends, time.perf_counter() - began
 
 
 def best(ends: list[Certified], task: Task) -> float:

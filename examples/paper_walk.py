@@ -83,13 +83,13 @@ figure.savefig(told.out / "walk-1.png", dpi=100)
 #
 # with d from P3 to the goal, l the length of the three segments and l_min the straight way to P3:
 # equation (2) and the text above it. Each segment is 3 to 15 m long, and clear of all obstacles
-# within 45 m. Here is the fifth window of a flight through rng(2), of which the paper tells.
+# within 45 m. Here is the third window of a flight through rng(2), of which the paper tells.
 
 # %%
 field, seed = get_field("paper:2"), 1
 planner = multi_start()
 flight = planner.plan(field, initial_state(field), seed)
-state = flight.states[4]
+state = flight.states[2]
 window = planner.window(field, state.vehicle)
 near, every = len(window.obstacles), len(field.obstacles)
 print(f"{window.chain.free.sum()} unknowns, {near} of {every} obstacles")
@@ -115,7 +115,7 @@ figure, panels = plt.subplots(1, 2, figsize=(9, 4.3), layout="constrained", shar
 for axes, chains in zip(panels, (guesses, [found.control for found in ends]), strict=True):
     draw_field(axes, field)
     draw_obstacles(axes, window.obstacles, SEEN)
-    axes.plot(*np.concatenate(evaluate(flight.control[:4], T)).T, "k", lw=2.0)
+    axes.plot(*np.concatenate(evaluate(flight.control[:2], T)).T, "k", lw=2.0)
     for chain, name, value in zip(chains, names, values, strict=True):
         line = "-" if np.isfinite(value) else ":"  # dotted: not certified, so never flown
         wide = 3.0 if value == min(values) else 1.2

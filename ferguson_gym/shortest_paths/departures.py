@@ -13,7 +13,7 @@ import numpy as np
 
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled
-from ferguson_gym.shortest_paths.scene import Scene, View, is_clear, is_clear_of_discs, view
+from ferguson_gym.shortest_paths.scene import Scene, View, comes_within, is_clear, view
 from ferguson_gym.shortest_paths.shapes import Records, Shapes, is_disc, nearest_feature, sweep
 from ferguson_gym.shortest_paths.tangent_graph import GOAL, Tracks, following
 from ferguson_gym.shortest_paths.tangents import (
@@ -80,22 +80,30 @@ def _departure_among_discs(
     free, discs = _view_of_discs(discs, box, margin, x, y, tolerance)
     if not free:
         return best
-    around = view(discs, x, y)
+    near = np.empty(len(discs))
+    bounds = np.empty(2 * len(discs))
+    for k in range(len(discs)):
+        disc = discs[k]
+        square = (disc.x - x) ** 2 + (disc.y - y) ** 2
+        near[k] = np.sqrt(square) - disc.radius
+        line = np.sqrt(max(square - disc.radius**2, 0.0))
+        bounds[2 * k], bounds[2 * k + 1] = (
+            line + tracks.least[2 * k],
+            line + tracks.least[2 * k + 1],
+        )
     dx, dy = goal[0] - x, goal[1] - y
     distance = np.sqrt(dx * dx + dy * dy)
     if distance == 0.0:
         return Departure(0.0, 0.0, 0.0, STRAIGHT, 0.0, 0.0)
     ux, uy = dx / distance, dy / distance
-    if is_clear_of_discs(x, y, ux, uy, distance, distance, discs, around, -1, -1):
+    if _is_free(x, y, ux, uy, distance, discs, near, -1):
         best = Departure(distance, ux, uy, STRAIGHT, 0.0, distance)
-    bounds = np.empty(len(tracks.least))
-    for track in range(len(bounds)):
-        disc = discs[track // 2]
-        square = (disc.x - x) ** 2 + (disc.y - y) ** 2 - disc.radius**2
-        bounds[track] = np.sqrt(max(square, 0.0)) + tracks.least[track]
-    for track in np.argsort(bounds):
+    # few are tried: sorting all of them, or the discs, takes longer
+    while len(bounds) > 0:
+        track = int(np.argmin(bounds))
         if bounds[track] >= best.distance:
             break
+        bounds[track] = np.inf
         disc, sense = discs[track // 2], 1.0 - 2.0 * (track % 2)
         length, ux, uy = tangent(disc.x - x, disc.y - y, sense * disc.radius)
         at = angle(sense, ux, uy)
@@ -104,11 +112,24 @@ def _departure_among_discs(
         if node >= 0:
             distance = length + disc.radius * sweep(at, tracks.angle[node]) + tracks.togo[node]
         i = track // 2
-        if distance < best.distance and is_clear_of_discs(
-            x, y, ux, uy, length, length, discs, around, i, i
-        ):
+        if distance < best.distance and _is_free(x, y, ux, uy, length, discs, near, i):
             best = Departure(distance, ux, uy, track, at, length)
     return best
+
+
+@compiled
+def _is_free(
+    x: float, y: float, ux: float, uy: float, length: float, discs: Records, near: Array, one: int
+) -> bool:
+    """As `is_clear` among discs whose distances (n,) from (x, y) are in no order."""
+    for k in range(len(discs)):
+        if (
+            near[k] < length
+            and k != one
+            and comes_within(discs[k].x - x, discs[k].y - y, discs[k].reach, ux, uy, length)
+        ):
+            return False
+    return True
 
 
 @compiled

@@ -70,13 +70,14 @@ class HorizonObjective:
 
     def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
         """F, its gradient (1 + D,) and Hessian (1 + D, 1 + D) with respect to (l, P)."""
-        return _expand_horizon(length, end, self.start, self.goal, self.alpha)
+        return expand_horizon(length, end, self.start, self.goal, self.alpha)
 
 
 @compiled
-def _expand_horizon(
+def expand_horizon(
     length: float, end: Array, start: Array, goal: Array, alpha: float
 ) -> tuple[float, Array, Array]:
+    """As `HorizonObjective.expand`."""
     dimension = len(end)
     toward, away = end - goal, end - start
     d = np.sqrt(np.sum(toward * toward) + _LEAST**2)

@@ -32,6 +32,7 @@ from planners.optimization import MultiStart, along_route, offset_guesses
 from planners.optimization.certification import Certified, WindowSolver
 from planners.optimization.chain import Chain
 from planners.optimization.convex import Effort
+from planners.optimization.distance_objective import ToGoObjective
 from planners.optimization.initial_guesses import shifted
 from planners.optimization.objectives import LengthObjective
 from planners.optimization.quadrature import lengths
@@ -39,7 +40,6 @@ from planners.optimization.route_knots import turn_aligned
 from planners.optimization.sqp.turn_contacts import RADIUS_FACTOR
 from planners.optimization.window import SIDE_OFFSET, SMOOTH, Window, WindowSettings, final_window
 from planners.receding_horizon.convex import Choice, Convex
-from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.turn_bound import TurnBound
 from planners.receding_horizon.turn_in import turn_in_routes
 from planners.rescaling import decided_in_image

@@ -11,7 +11,7 @@ directions; it is reduced when the objective falls faster than predicted.
 
 When the predicted gain of a step is small enough, the search ends with a feasibility restoration:
 it projects its point onto the linearised constraints until the constraints are satisfied, lengths
-by certified quadrature.
+by certified quadrature. The search itself is compiled: `planners.optimization.sqp.descent`.
 
 Reference:
     Nocedal & Wright (2006), Numerical optimization, 2nd edition, sections 18.5 and 18.8.
@@ -22,42 +22,34 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
-from typing import TypeAlias
 
 import numpy as np
 
-from ferguson_gym.curves.arc_length import length as certified_length
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.shortest_paths.partial_graph import PartialGraph
 from planners.optimization.certification import target_tolerance
-from planners.optimization.quadrature import BENDING
-from planners.optimization.sqp import elastic_qp
-from planners.optimization.sqp.expansion import Layout, expand
-from planners.optimization.sqp.filter import Filter
-from planners.optimization.sqp.iterate import (
-    Iterate,
-    TrialStep,
-    agreement,
-    empty_iterate,
-    layout_of,
-    predict,
-)
-from planners.optimization.sqp.lagrangian import lagrangian, warm_start_multipliers
-from planners.optimization.sqp.modified_ldl import make_definite
-from planners.optimization.sqp.trust_region import TrustRegion
+from planners.optimization.distance_objective import ToGoObjective
+from planners.optimization.sqp import descent
+from planners.optimization.sqp.expansion import Layout
+from planners.optimization.sqp.iterate import layout_of
+from planners.optimization.sqp.objective_values import objective_values
 from planners.optimization.sqp.turn_contacts import too_sharp
 from planners.optimization.window import Window
 
-_FEASIBLE = 0.3
-"""Sum of violations that counts as zero, as a fraction of the tolerance aimed for."""
-_NEARLY_FEASIBLE = 1e-2
-"""Violation [m] below which feasibility can be restored in a few steps."""
-_RESTORED = 0.1
-"""Radius [m] of the steps that restore the feasibility of an earlier iterate."""
-_Box: TypeAlias = tuple[Array, Array]
 CONVERGED = "converged"
 ABANDONED = "abandoned, behind another guess"
 DEADLINE = "deadline reached"
 RESTORED = "ended at its best nearly feasible iterate"
+_REASONS = {
+    descent.CONVERGED: CONVERGED,
+    descent.ABANDONED: ABANDONED,
+    descent.DEADLINE: DEADLINE,
+    descent.RESTORED: RESTORED,
+    descent.OUT_OF_ITERATIONS: "out of iterations",
+    descent.NO_STEP: "no step found",
+    descent.NO_FEASIBLE_POINT: "no feasible point near the end",
+    descent.NO_IMPROVEMENT: "no step improves",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +72,19 @@ class ElasticSqp:
     max_violation: float = 2.0
     """Maximum total violation [m] of an iterate, or that of the initial guess if it is larger."""
 
+    @property
+    def values(self) -> descent.Options:
+        """The options, for the compiled search."""
+        return descent.Options(
+            float(self.precision),
+            int(self.iterations),
+            float(self.patience),
+            float(self.radius),
+            float(self.max_radius),
+            float(self.floor),
+            float(self.max_violation),
+        )
+
 
 @dataclass(slots=True, eq=False)
 class SearchState:
@@ -99,42 +104,29 @@ class SearchState:
     seconds: float = 0.0
 
 
-@dataclass(slots=True, eq=False)
-class _Fallback:
-    """The best nearly feasible iterate of a search."""
-
-    x: Array | None = None
-    objective: float = math.inf
-
-    def keep(self, point: Iterate) -> None:
-        """Copy a point if it is better."""
-        if point.violation < _NEARLY_FEASIBLE and point.objective < self.objective:
-            self.x, self.objective = point.x.copy(), point.objective
-
-
 class Search:
-    """Searches for local minima of one window, one after the other, reusing memory."""
+    """Searches for local minima of one window, one after the other."""
 
     def __init__(self, options: ElasticSqp, window: Window, until: float) -> None:
-        """Prepare searches that stop at `until` [s] on the clock of `time.perf_counter`."""
-        obstacles, chain = window.obstacles, window.chain
-        self.options, self.window, self.until = options, window, until
+        """Prepare searches; none begins after `until` [s] on the clock of `time.perf_counter`."""
+        obstacles, chain, objective = window.obstacles, window.chain, window.objective
+        self.window, self.until = window, until
         self.box = window.box
-        n, m = chain.segments, len(self.box[0])
-        room = min(max(256, 4 * n * len(obstacles)), 4096)
-        self.fresh = self.layout = layout_of(window, obstacles)
-        self.cornered = not obstacles.are_discs
-        self.end = self.fresh.place[-1, 2:4]
-        kink = window.objective.kink
-        self.kink = None if kink is None else (float(kink[0]), float(kink[1]))
+        self.fresh = layout_of(window, obstacles)
+        self.tolerance = target_tolerance(window.field)
         scale = np.ones(chain.free.shape)
         scale[:, 1] = 3.0
-        self.scale = scale[chain.free]
-        self.points = empty_iterate(n, m, room), empty_iterate(n, m, room)
-        self.model = np.empty((m, m))
-        self.rows = elastic_qp.empty_rows(n, m, room)
-        self.evaluations = 0
-        self.tolerance = target_tolerance(window.field)
+        kink = np.empty(0) if objective.kink is None else np.array(objective.kink, float)
+        cornered = not obstacles.are_discs
+        cornered_field = not window.field.obstacles.are_discs
+        self._task = *self.box, scale[chain.free], kink, self.tolerance, cornered
+        self._room = min(max(256, 4 * chain.segments * len(obstacles)), 4096)
+        self._options = tuple(options.values)
+        self._at_once = tuple(options.values._replace(iterations=0))
+        togo = objective.togo if isinstance(objective, ToGoObjective) else None
+        self._togo, partial = togo, togo is not None and togo.tracks is None
+        self._by_search = partial and not cornered_field
+        self._by_parts = partial and cornered_field
 
     def start(self, guess: Array, bound: float) -> SearchState:
         """Search from a guess (n, 4, 2), and stop early if the objective cannot fall below `bound`.
@@ -151,12 +143,37 @@ class Search:
     def resume(self, state: SearchState, bound: float) -> None:
         """Continue a search, for example with pinned contacts."""
         began = time.perf_counter()
-        self.layout, self.evaluations = state.layout, 0
-        point, state.status = self._descend(state, bound)
-        state.x, state.objective, state.layout = point.x, point.objective, self.layout
-        state.evaluations += self.evaluations
+        late = began > self.until
+        options = self._at_once if late else self._options
+        while True:
+            # copies, since the search moves both
+            x, correction = state.x.copy(), state.layout.correction.copy()
+            layout = state.layout._replace(correction=correction)
+            plain = *layout[:5], tuple(layout.cores), *layout[6:]
+            graph = self._graph(x)
+            objective = objective_values(self.window.objective, graph)
+            search = self._togo.borrow() if self._togo and self._by_search else None
+            after, reason, value, steps, evaluations = descent.descend(
+                plain, objective, self._task, search, x, options, state.steps, bound, self._room
+            )
+            if self._togo is not None and after is not None:
+                self._togo.searches.append(after)
+            # until the graph has all obstacles on which the result depends
+            if self._graph(x) is graph:
+                break
+        state.layout = layout
+        state.x, state.objective, state.steps = x, value, steps
+        state.status = DEADLINE if late else _REASONS[reason]
+        state.evaluations += evaluations
         state.rounds += 1
         state.seconds += time.perf_counter() - began
+
+    def _graph(self, x: Array) -> PartialGraph | None:
+        """The graph that covers the end of a chain, where paths come from a part of obstacles."""
+        if self._togo is None or not self._by_parts:
+            return None
+        self._togo(self.window.chain.control(x)[-1:, 1])
+        return self._togo.graphs[-1]
 
     def pin_contacts(self, state: SearchState, chain: Array) -> bool:
         """Add contacts at fixed parameters where certification fails; False if there are none."""
@@ -169,140 +186,3 @@ class Search:
         every = np.vstack([state.layout.pinned_contacts, pinned])
         state.layout = state.layout._replace(pinned_contacts=every)
         return len(pinned) > 0
-
-    def _descend(self, state: SearchState, bound: float) -> tuple[Iterate, str]:
-        """Iterate; return the final iterate and the reason for stopping."""
-        options = self.options
-        region = TrustRegion(options.radius, options.floor, options.precision)
-        here, there = self.points
-        self._expand(here, state.x, elastic_qp.reach(region.radius))
-        self._differentiate(here, here, np.zeros(len(here.tension)))
-        accepted = Filter(max(options.max_violation, here.violation))
-        nearest, fallback = math.inf, _Fallback()
-        while True:
-            if self.cornered:
-                fallback.keep(here)
-            if state.steps >= options.iterations:
-                return self._fall_back(here, there, fallback, "out of iterations")
-            if time.perf_counter() > self.until:
-                return here, DEADLINE
-            state.steps += 1
-            distance = self._from_kink(here)
-            if distance < min(region.radius, 0.5 * nearest):
-                nearest = distance
-                if self._restore_feasibility(here, there, region.radius, self._ending_on_kink()):
-                    return there, CONVERGED
-            trial = self._trial_step(here, region)
-            if trial is None:
-                region.after_failed_model()
-                if region.collapsed:
-                    return here, "no step found"
-                continue
-            if (reason := self._stops(here, trial, region.precision, bound)) is not None:
-                if self._restore_feasibility(here, there, max(region.radius, 0.1), self.box):
-                    return there, reason
-                region.after_failed_restoration()
-                if region.collapsed:
-                    reason = "no feasible point near the end"
-                    return self._fall_back(here, there, fallback, reason)
-                continue
-            accepted.add(here.objective, here.violation)
-            self._expand(there, here.x + trial.p, elastic_qp.reach(max(region.radius, trial.size)))
-            ratio = -1.0
-            if accepted.accepts(there.objective, there.violation):
-                ratio = agreement(here, there, trial.decrease)
-            if ratio <= 0.0:
-                region.after_rejected_step(trial.size)
-                if region.collapsed:
-                    return self._fall_back(here, there, fallback, "no step improves")
-                continue
-            self._differentiate(there, here, trial.multipliers)
-            here, there = there, here
-            region.after_accepted_step(ratio, trial.size, options.max_radius)
-
-    def _fall_back(
-        self, here: Iterate, there: Iterate, fallback: _Fallback, reason: str
-    ) -> tuple[Iterate, str]:
-        """The feasible point near the best nearly feasible iterate, or the last iterate."""
-        if fallback.x is None or here.violation < _FEASIBLE * self.tolerance:
-            return here, reason
-        last = here.x.copy()
-        self._expand(here, fallback.x, elastic_qp.reach(_RESTORED))
-        if self._restore_feasibility(here, there, _RESTORED, self.box):
-            return there, RESTORED
-        self._expand(here, last, elastic_qp.reach(_RESTORED))
-        return here, reason
-
-    def _trial_step(self, here: Iterate, region: TrustRegion) -> TrialStep | None:
-        """The step of the quadratic program; None if that has no solution."""
-        make_definite(here.hessian, region.floor, self.model)
-        p, multipliers = self._step(here, here.gradient, self.model, region.radius, self.box)
-        if p is None:
-            return None
-        bounds = self.rows.lower, self.rows.upper
-        predicted = predict(p, here.gradient, self.model, self.scale, multipliers, *bounds)
-        return TrialStep(p, multipliers, *predicted)
-
-    def _stops(self, here: Iterate, trial: TrialStep, precision: float, bound: float) -> str | None:
-        """Why a nearly feasible search should end; None if it should go on."""
-        little = trial.gain < precision * max(1.0, abs(here.objective))
-        abandoned = here.objective - self.options.patience * trial.gain > bound
-        if not (little or abandoned) or not here.violation < _NEARLY_FEASIBLE:
-            return None
-        return CONVERGED if little else ABANDONED
-
-    def _expand(self, point: Iterate, x: Array, reach: float) -> None:
-        point.x, here, objective = x, point.expansion, self.window.objective
-        point.contacts, point.violation, length, bent = expand(x, self.layout, reach, here)
-        value, point.slope, point.curvature = objective.expand(length, here.control[-1, 1])
-        point.objective = value + bent
-        self.evaluations += 1
-
-    def _differentiate(self, point: Iterate, before: Iterate, multipliers: Array) -> None:
-        """The Lagrangian at a point, with the multipliers of the step that led there."""
-        chain = point.expansion, point.contacts
-        pair = point.tension, point.multiplier
-        old = before.expansion, self.rows.taken, multipliers
-        warm_start_multipliers(*old, *chain, self.cornered, *pair)
-        objective, out = (point.slope, point.curvature), (point.gradient, point.hessian)
-        lagrangian(self.layout, *chain, *objective, *pair, BENDING, *out)
-
-    def _step(
-        self, point: Iterate, gradient: Array, hessian: Array, radius: float, box: _Box
-    ) -> tuple[Array | None, Array]:
-        here, model = (point.expansion, point.contacts, point.x), (gradient, hessian)
-        limits = self.layout.limits
-        return elastic_qp.solve(*here, box, self.scale, radius, limits, *model, self.rows)
-
-    def _from_kink(self, point: Iterate) -> float:
-        """Distance of the chain's end from the objective's kink [m]; infinite without one."""
-        if self.kink is None:
-            return math.inf
-        x, y = point.expansion.control[-1, 1]
-        return math.hypot(x - self.kink[0], y - self.kink[1])
-
-    def _ending_on_kink(self) -> _Box:
-        """Bounds that fix the chain's end at the kink."""
-        low, high = self.box[0].copy(), self.box[1].copy()
-        low[self.end] = high[self.end] = self.kink
-        return low, high
-
-    def _restore_feasibility(self, here: Iterate, there: Iterate, radius: float, box: _Box) -> bool:
-        """Project a point onto the linearised constraints until `there` satisfies the true ones."""
-        metric, no_gradient = np.diag(1.0 / self.scale**2), np.zeros(len(self.scale))
-        point, violation = here, math.inf
-        for _ in range(6):
-            p, _ = self._step(point, no_gradient, metric, radius, box)
-            if p is None:
-                return False
-            self._expand(there, point.x + p, elastic_qp.reach(radius))
-            if there.violation < _FEASIBLE * self.tolerance:
-                off = certified_length(there.expansion.control) - there.expansion.length
-                if np.abs(off).max() < _FEASIBLE * self.tolerance:
-                    return True
-                self.layout = self.layout._replace(correction=self.layout.correction + off)
-                self._expand(there, there.x, elastic_qp.reach(radius))
-            if there.violation > 0.5 * violation:
-                return False
-            point, violation = there, there.violation
-        return False

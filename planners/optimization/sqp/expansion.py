@@ -84,15 +84,16 @@ class Expansion(NamedTuple):
     """(room, m) gradient of each contact's clearance."""
 
 
+@compiled
 def empty_expansion(segments: int, unknowns: int, room: int) -> Expansion:
     """Memory for `room` contacts; further ones are dropped, and certified if they are violated."""
     return Expansion(
-        control=np.empty((segments, 4, 2)),
-        length=np.empty(segments),
-        length_slope=np.empty((segments, unknowns)),
-        length_curvature=np.empty((segments, 8, 8)),
-        contact=np.empty(room, CONTACT),
-        slope=np.empty((room, unknowns)),
+        np.empty((segments, 4, 2)),
+        np.empty(segments),
+        np.empty((segments, unknowns)),
+        np.empty((segments, 8, 8)),
+        np.empty(room, CONTACT),
+        np.empty((room, unknowns)),
     )
 
 

@@ -7,6 +7,7 @@ import numpy as np
 from ferguson_gym.runtime.arrays import Array
 from ferguson_gym.runtime.jit import compiled, compiled_in_place
 from planners.optimization.sqp.contacts import Integers
+from planners.optimization.sqp.elastic_qp import Program
 from planners.optimization.sqp.expansion import Expansion, Layout
 from planners.optimization.sqp.turn_contacts import LEFT, add_turn_hessian
 
@@ -14,8 +15,7 @@ from planners.optimization.sqp.turn_contacts import LEFT, add_turn_hessian
 @compiled
 def warm_start_multipliers(
     old: Expansion,
-    taken: Integers,
-    multipliers: Array,
+    program: Program,
     new: Expansion,
     contacts: int,
     across: bool,
@@ -26,8 +26,7 @@ def warm_start_multipliers(
 
     Args:
         old: the chain that the step was computed for.
-        taken: its contacts that were rows of the quadratic program, after the rows of the lengths.
-        multipliers: (n + rows,) of the lengths and of those rows.
+        program: its quadratic program, solved.
         new: the chain after the step.
         contacts: number of contacts of `new`.
         across: whether contacts with obstacles may pass from one segment to the next, as they do
@@ -35,13 +34,14 @@ def warm_start_multipliers(
         tension: (n,) output, the multipliers of the lengths.
         carried: (room,) output; each multiplier goes to the nearest contact of the same kind.
     """
-    segments = len(tension)
-    tension[:] = multipliers[:segments]
+    segments, multipliers, taken = len(tension), program.multipliers, program.taken
+    for k in range(segments):
+        tension[k] = multipliers[k] - multipliers[segments + k]
     carried[:contacts] = 0.0
-    for index in range(segments, len(multipliers)):
+    for index in range(2 * segments, program.number[0]):
         if multipliers[index] == 0.0:
             continue
-        before = old.contact[taken[index - segments]]
+        before = old.contact[taken[index - 2 * segments]]
         nearest, best = 2.0, -1
         for candidate in range(contacts):
             after = new.contact[candidate]

@@ -1,4 +1,4 @@
-"""The trust region of a search, and the regularisation and precision that change with it.
+"""The trust region of a search, and the regularisation and precision that change with it, compiled.
 
 Reference:
     Conn, Gould & Toint (2000), Trust-region methods, SIAM, chapter 6.
@@ -6,14 +6,15 @@ Reference:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
-_SMALLEST = 1e-7
+from ferguson_gym.runtime.jit import compiled
+
+SMALLEST = 1e-7
 """Radius [m] below which a search stops."""
 
 
-@dataclass(slots=True, eq=False)
-class TrustRegion:
+class TrustRegion(NamedTuple):
     """Radius of the trust region, and lower bound on the model's curvature."""
 
     radius: float
@@ -23,29 +24,36 @@ class TrustRegion:
     precision: float
     """Relative predicted gain of a step below which the search stops."""
 
-    @property
-    def collapsed(self) -> bool:
-        """Whether the region is too small for any step."""
-        return self.radius < _SMALLEST
 
-    def after_failed_model(self) -> None:
-        """Shrink and regularise after a quadratic program without a solution."""
-        self.radius, self.floor = 0.25 * self.radius, 10.0 * self.floor
+@compiled
+def after_failed_model(region: TrustRegion) -> TrustRegion:
+    """Shrink and regularise after a quadratic program without a solution."""
+    return TrustRegion(0.25 * region.radius, 10.0 * region.floor, region.precision)
 
-    def after_failed_restoration(self) -> None:
-        """Shrink and search on more precisely where no feasible point was near."""
-        self.radius, self.precision = 0.5 * self.radius, 0.25 * self.precision
 
-    def after_rejected_step(self, size: float) -> None:
-        """Shrink below the size of a step that the filter rejected."""
-        self.radius = 0.25 * size
+@compiled
+def after_failed_restoration(region: TrustRegion) -> TrustRegion:
+    """Shrink and search on more precisely where no feasible point was near."""
+    return TrustRegion(0.5 * region.radius, region.floor, 0.25 * region.precision)
 
-    def after_accepted_step(self, ratio: float, size: float, max_radius: float) -> None:
-        """Adapt to a step by the ratio of the actual and the predicted decrease."""
-        if ratio > 0.75 and size > 0.9 * self.radius:
-            self.radius = min(2.0 * self.radius, max_radius)
-        elif ratio < 0.25:
-            self.radius = 0.5 * size
-        elif ratio > 1.1:
-            # the objective falls faster than predicted: the model is too curved
-            self.floor = max(0.1 * self.floor, 1e-6)
+
+@compiled
+def after_rejected_step(region: TrustRegion, size: float) -> TrustRegion:
+    """Shrink below the size of a step that the filter rejected."""
+    return TrustRegion(0.25 * size, region.floor, region.precision)
+
+
+@compiled
+def after_accepted_step(
+    region: TrustRegion, ratio: float, size: float, max_radius: float
+) -> TrustRegion:
+    """Adapt to a step by the ratio of the actual and the predicted decrease."""
+    radius, floor, precision = region
+    if ratio > 0.75 and size > 0.9 * radius:
+        radius = min(2.0 * radius, max_radius)
+    elif ratio < 0.25:
+        radius = 0.5 * size
+    elif ratio > 1.1:
+        # the objective falls faster than predicted: the model is too curved
+        floor = max(0.1 * floor, 1e-6)
+    return TrustRegion(radius, floor, precision)

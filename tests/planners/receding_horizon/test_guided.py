@@ -12,8 +12,8 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.field_names import get_field, get_fields
 from ferguson_gym.world.obstacles import Obstacles
 from planners.interface import State, Status, initial_state
+from planners.optimization.distance_objective import ToGoObjective
 from planners.receding_horizon.convex import Convex
-from planners.receding_horizon.distance_objective import ToGoObjective
 from planners.receding_horizon.guided import Guided
 from planners.registry import make
 from tests.support.random_shapes import random_shapes

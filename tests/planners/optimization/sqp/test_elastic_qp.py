@@ -53,9 +53,9 @@ class Step:
         return float(np.maximum([*short, *long, *-clearance], 0.0).sum())
 
 
-def step(window: Window, x: np.ndarray, radius: float) -> Step:
+def step(window: Window, x: np.ndarray, radius: float, again: bool = False) -> Step:
     layout, m, n = layout_of(window, window.obstacles), len(x), window.chain.segments
-    here, rows = empty_expansion(n, m, ROOM), elastic_qp.empty_rows(n, m, ROOM)
+    here, program = empty_expansion(n, m, ROOM), elastic_qp.empty_program(n, m, ROOM)
     contacts, _, length, _ = expand(x, layout, elastic_qp.reach(radius), here)
     _, slope, curvature = window.objective.expand(length, here.control[-1, 1])
     gradient, hessian, model = np.empty(m), np.empty((m, m)), np.empty((m, m))
@@ -65,10 +65,20 @@ def step(window: Window, x: np.ndarray, radius: float) -> Step:
     )
     make_definite(hessian, 3e-2, model)
     scale = np.where(np.arange(m) % 4 < 2, 1.0, 3.0)
-    args = here, contacts, x, window.box, scale, radius, LIMITS, gradient, model, rows
-    p, multipliers = elastic_qp.solve(*args)
-    assert p is not None
-    taken = rows.taken[: len(multipliers) - n]
+    p, pulls = np.empty(m), np.zeros(n)
+    args = here, contacts, x, *window.box, scale, radius, layout, gradient, model, pulls, none
+    assert elastic_qp.solve(*args, program, p)
+    found = program.multipliers[: program.number[0]]
+    multipliers = np.concatenate([found[:n] - found[n : 2 * n], found[2 * n :]])
+    if again:
+        # from the rows that are active at the minimum
+        carried = np.zeros(contacts)
+        carried[program.taken[: len(multipliers) - n]] = multipliers[n:]
+        args = *args[:-2], multipliers[:n], carried
+        other = np.empty(m)
+        assert elastic_qp.solve(*args, program, other)
+        np.testing.assert_allclose(other, p, atol=1e-7)
+    taken = program.taken[: len(multipliers) - n]
     return Step(
         x=x,
         box=window.box,
@@ -134,7 +144,7 @@ def test_steps_from_random_chains_are_optimal_where_rows_are_compatible() -> Non
     for seed in range(300):
         window, guess = Case(seed, segments=1 + seed % 4).draw()
         x = np.clip(window.chain.unknowns(guess), *window.box)
-        taken = step(window, x, 2.0)
+        taken = step(window, x, 2.0, again=True)
         assert_within_bounds(taken)
         before, after = taken.lacks
         assert after <= before + 1e-6

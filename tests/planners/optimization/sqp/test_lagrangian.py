@@ -11,6 +11,7 @@ from ferguson_gym.world.field import Field
 from ferguson_gym.world.obstacles import Obstacles
 from ferguson_gym.world.transition import State
 from planners.optimization.sqp.contacts import LOW, SPEED
+from planners.optimization.sqp.elastic_qp import empty_program
 from planners.optimization.sqp.lagrangian import warm_start_multipliers
 from planners.optimization.window import Window, WindowSettings, horizon_window
 from tests.support.expanded_windows import (
@@ -133,8 +134,9 @@ def test_a_multiplier_follows_its_contact_across_a_joint(across: bool) -> None:
     )
     assert old.contact["segment"][before] != new.contact["segment"][after]
     tension, carried = np.empty(2), np.empty(len(new.out.contact))
-    multipliers = np.array([0.0, 0.0, 3.0])
-    taken, given = np.array([before]), (new.out, new.count, across, tension, carried)
-    warm_start_multipliers(old.out, taken, multipliers, *given)
+    program = empty_program(2, 8, 1)
+    program.multipliers[:], program.number[0], program.taken[0] = [0, 0, 0, 0, 3], 5, before
+    given = new.out, new.count, across, tension, carried
+    warm_start_multipliers(old.out, program, *given)
     assert carried[: new.count].sum() == (3.0 if across else 0.0)
     assert carried[after] == (3.0 if across else 0.0)

@@ -51,7 +51,7 @@ class Task:
 def tasks(number: int) -> list[Task]:
     """Windows of a flight through one of the paper's fields: early, midway, near the goal."""
     field, planner = get_field(f"paper:{number}"), RecedingHorizon()
-    plan = make("single-start").plan(field, interface.initial_state(field), 0)
+    plan = make("guided").plan(field, interface.initial_state(field), 0)
     found = []
     for step in (0, 3, 6):
         state = plan.states[step]

@@ -10,10 +10,15 @@ from ferguson_gym.runtime.arrays import Array, GenericArray
 from ferguson_gym.runtime.jit import compiled
 from ferguson_gym.shortest_paths.departures import Departure, shortest_departure
 from ferguson_gym.shortest_paths.distance_to_goal import DistanceToGoal
+from ferguson_gym.shortest_paths.goal_search.queries import departure
+from ferguson_gym.shortest_paths.goal_search.search import GoalSearch
 from ferguson_gym.shortest_paths.scene import Scene
 from ferguson_gym.shortest_paths.shapes import is_disc, nearest_feature
 from ferguson_gym.shortest_paths.tangent_graph import Tracks
 
+_WHOLE, _NONE = np.empty(0, np.int64), np.empty(0)
+NO_TRACKS = Tracks(_WHOLE, _WHOLE, _NONE, _WHOLE, _NONE, _NONE, _WHOLE, _NONE)
+"""In the place of the tangent graph, where a search from the goal is used instead."""
 _OUTSIDE = 1e-6
 """Clearance given to a point that is moved out of an obstacle [m]."""
 _MIN_RADIUS = 0.5
@@ -47,20 +52,33 @@ class ToGoObjective:
 
     def expand(self, length: float, end: Array) -> tuple[float, Array, Array]:
         """F, its gradient (3,) and Hessian (3, 3) with respect to (l, P)."""
-        togo, near = self.togo, (float(end[0]), float(end[1]))
-        blocked = max(_NO_PATH, 5.0 * togo.field.distance)
-        if togo.tracks is not None:
-            goal, tolerance = togo.field.goal, togo.tolerance
-            return _expand_by_graph(
-                length, *near, togo.scene, togo.tracks, goal, tolerance, blocked
-            )
-        way = togo.departure(*near)
+        togo, x, y = self.togo, float(end[0]), float(end[1])
+        if togo.tracks is None and not togo.field.obstacles.are_discs:
+            return self._expand_by_parts(length, x, y)
+        search, tracks = (togo.borrow(), NO_TRACKS) if togo.tracks is None else (None, togo.tracks)
+        goal, tolerance = np.array(togo.field.goal), togo.tolerance
+        after, value, slope, curvature = expand_togo(
+            length, x, y, togo.scene, tracks, search, goal, tolerance, self.blocked
+        )
+        if after is not None:
+            togo.searches.append(after)
+        return value, slope, curvature
+
+    def _expand_by_parts(self, length: float, x: float, y: float) -> tuple[float, Array, Array]:
+        """As `expand`, from graphs of a part of the obstacles."""
+        near_x, near_y = x, y
+        way = self.togo.departure(x, y)
         for _ in range(_MAX_MOVES):
             if way.distance < np.inf:
                 break
-            near = _out_of_obstacles(togo.scene, *near)
-            way = togo.departure(*near)
-        return _expand(length, float(end[0]), float(end[1]), *near, way, blocked)
+            near_x, near_y = _out_of_obstacles(self.togo.scene, near_x, near_y)
+            way = self.togo.departure(near_x, near_y)
+        return _expand(length, x, y, near_x, near_y, way, self.blocked)
+
+    @property
+    def blocked(self) -> float:
+        """D where no path is found [m]."""
+        return max(_NO_PATH, 5.0 * self.togo.field.distance)
 
 
 @compiled
@@ -92,25 +110,31 @@ def _out_of_obstacles(scene: Scene, x: float, y: float) -> tuple[float, float]:
 
 
 @compiled
-def _expand_by_graph(
+def expand_togo(
     length: float,
     x: float,
     y: float,
     scene: Scene,
     tracks: Tracks,
+    search: GoalSearch | None,
     goal: Array,
     tolerance: float,
     blocked: float,
-) -> tuple[float, Array, Array]:
-    """F and its derivatives at (x, y) in one call, which takes as long as the rest otherwise."""
-    near_x, near_y = x, y
-    way = shortest_departure(scene, tracks, goal, x, y, tolerance)
-    for _ in range(_MAX_MOVES):
-        if way.distance < np.inf:
+) -> tuple[GoalSearch | None, float, Array, Array]:
+    """F and its derivatives at (x, y), after the search from the goal, if there is one."""
+    near_x, near_y, moves = x, y, 0
+    after = search
+    while True:
+        if after is None or search is None:
+            way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
+        else:
+            after, way = departure(after, near_x, near_y, tolerance)
+        if way.distance < np.inf or moves == _MAX_MOVES:
             break
         near_x, near_y = _out_of_obstacles(scene, near_x, near_y)
-        way = shortest_departure(scene, tracks, goal, near_x, near_y, tolerance)
-    return _expand(length, x, y, near_x, near_y, way, blocked)
+        moves += 1
+    value, slope, curvature = _expand(length, x, y, near_x, near_y, way, blocked)
+    return after, value, slope, curvature
 
 
 @compiled
