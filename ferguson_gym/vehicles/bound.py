@@ -8,9 +8,6 @@ from ferguson_gym.shortest_paths.exact import exact_length
 from ferguson_gym.vehicles.vehicle import Vehicle
 from ferguson_gym.world.field import Field
 
-KIND = "bound"
-"""Kind of reference that `fastest_bound` is: proved from below."""
-
 
 def least_seconds(metres: float, vehicle: Vehicle, start_speed: float | None = None) -> float:
     """Time for a distance straight ahead [s].
@@ -30,21 +27,18 @@ def least_seconds(metres: float, vehicle: Vehicle, start_speed: float | None = N
         >>> round(least_seconds(144.338, get_vehicle("fixed-wing")), 2)
         10.3
     """
-    start, top, thrust = (
-        vehicle.check_start_speed(start_speed),
-        vehicle.max_speed,
-        vehicle.max_thrust,
-    )
+    start = vehicle.check_start_speed(start_speed)
+    top, most = vehicle.max_speed, vehicle.max_longitudinal
     if not 0.0 <= metres < math.inf:
         raise ValueError(f"a distance is at least 0 m and finite, got {metres}")
-    if math.isinf(thrust):
+    if math.isinf(most):
         return metres / top
-    run_up = (top - start) * (top + start) / (2.0 * thrust)
+    run_up = (top - start) * (top + start) / (2.0 * most)
     if metres >= run_up:
-        return (top - start) / thrust + (metres - run_up) / top
+        return (top - start) / most + (metres - run_up) / top
     # 2 d / (v + w) with the speed w at the end, which does not cancel
     return (
-        2.0 * metres / (start + math.sqrt(start * start + 2.0 * thrust * metres)) if metres else 0.0
+        2.0 * metres / (start + math.sqrt(start * start + 2.0 * most * metres)) if metres else 0.0
     )
 
 
@@ -52,8 +46,10 @@ def fastest_bound(field: Field, vehicle: Vehicle, start_speed: float | None = No
     """Time that no flight from start to goal beats [s], in still air; None without a path.
 
     No flight is shorter than the exact length, and none covers it faster than straight ahead
-    (`least_seconds`). Flights that use the tolerance of obstacles may be shorter by some of it.
-    None, too, for fields in other spaces than the plane, whose exact length is unknown.
+    (`least_seconds`). The direction at the start, the least speed and turns are left out, since
+    they can only lengthen a flight. A flight may use the tolerances of obstacles (1e-5 m) and of
+    limits (1e-5, relative), and then be faster by about as much. None, too, for fields in other
+    spaces than the plane, whose exact length is unknown.
 
     Raises:
         ValueError: a start speed outside the vehicle's.

@@ -13,14 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ferguson_gym.curves.splines import as_control
 from ferguson_gym.runtime.arrays import Array
+from ferguson_gym.vehicles.chain import as_chain
 from ferguson_gym.vehicles.timed_segments import rates
 from ferguson_gym.vehicles.vehicle import Vehicle
 from ferguson_gym.vehicles.vehicle_outcome import VehicleOutcome
-
-_JOINT = 1e-9
-"""Largest mismatch of directions at a joint."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -42,28 +39,21 @@ def duration_ratios(control: ArrayLike) -> Array:
     """Durations (n,) that make the velocity of a chain continuous, as multiples of the first.
 
     Args:
-        control: (n, 4, D) segments that join with equal directions.
+        control: (n, 4, D) segments that join in points and directions.
 
     Raises:
-        ValueError: a control array of another shape or not finite, a derivative of zero at a
-            joint, or directions that differ.
+        ValueError: as `ferguson_gym.vehicles.chain.as_chain`, or a derivative of zero at a joint.
 
     Example:
         >>> slow_then_fast = [[[0, 0], [4, 0], [4, 0], [4, 0]], [[4, 0], [12, 0], [8, 0], [8, 0]]]
         >>> duration_ratios(slow_then_fast).tolist()
         [1.0, 2.0]
     """
-    control = as_control(control)
-    if control.ndim != 3 or len(control) == 0:
-        raise ValueError(f"a chain has shape (n, 4, D) with n >= 1, got {control.shape}")
+    control = as_chain(control)
     arrive, leave = control[:-1, 3], control[1:, 2]
     before, after = np.linalg.norm(arrive, axis=1), np.linalg.norm(leave, axis=1)
     if not (before.all() and after.all()):
         raise ValueError("a derivative at a joint is zero, so that no duration follows from it")
-    turn = np.abs(arrive / before[:, None] - leave / after[:, None]).max(axis=-1)
-    if len(turn) and turn.max() > _JOINT:
-        joint = int(turn.argmax())
-        raise ValueError(f"segments {joint} and {joint + 1} join with different directions")
     return np.cumprod(np.concatenate([[1.0], after / before]))
 
 
@@ -72,7 +62,8 @@ def shortest_durations(control: ArrayLike, vehicle: Vehicle) -> Retiming:
 
     The velocity is continuous, so that all durations are known up to one factor. Limits of the
     greatest speed, roll and accelerations bound the factor from below; the least one is taken.
-    Where the vehicle is then below its least speed anywhere, no factor will do.
+    Where the vehicle is then below its least speed anywhere, no factor will do. The speed at the
+    start follows as well: it is |X'(0)| over the first duration, not `Vehicle.start_speed`.
 
     Args:
         control: (n, 4, 2) chain, as for `duration_ratios`.

@@ -26,6 +26,7 @@ from ferguson_gym.curves.arc_length import length
 from ferguson_gym.curves.splines import as_control, derivative, evaluate, max_curvature
 from ferguson_gym.runtime.arrays import Array, finite, real
 from ferguson_gym.runtime.jit import compiled
+from ferguson_gym.vehicles.chain import as_chain
 from ferguson_gym.vehicles.vehicle import Vehicle
 from ferguson_gym.vehicles.vehicle_outcome import VehicleOutcome
 
@@ -205,22 +206,24 @@ def fastest_along(
     """The fastest flight along a chain of segments, with speeds that are free along it.
 
     This is what a pipeline reaches that plans a path first and its speeds then. Pieces are halved
-    until the time changes by less than `accuracy` (relative).
+    until the time changes by less than `accuracy` (relative), but to no more than 512 a segment.
+    The time converges in first order: finer pieces would save about as much again as the last
+    halving did.
 
     Args:
         control: (n, 4, 2) segments, each beginning where and in the direction in which the one
             before it ends.
         vehicle: whose limits hold, in still air.
         start_speed: [m/s]; None: that of the vehicle. The speed at the end is free.
-        accuracy: relative, of the time.
+        accuracy: relative change of the time at the last halving.
 
     Raises:
-        ValueError: a control array of another shape or not finite, segments of length zero, an
-            accuracy that is not positive, or as `profile`.
+        ValueError: as `ferguson_gym.vehicles.chain.as_chain`, segments that are not planar or of
+            length zero, an accuracy that is not positive, or as `profile`.
     """
-    control = as_control(control)
-    if control.ndim != 3 or control.shape[-1] != 2 or len(control) == 0:
-        raise ValueError(f"a chain has shape (n, 4, 2) with n >= 1, got {control.shape}")
+    control = as_chain(control)
+    if control.shape[-1] != 2:
+        raise ValueError(f"a chain is planar here, got segments in {control.shape[-1]} dimensions")
     if not accuracy > 0.0:
         raise ValueError(f"an accuracy must be above 0, got {accuracy}")
     number = _COARSEST

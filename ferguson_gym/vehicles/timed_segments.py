@@ -32,8 +32,8 @@ class Rates:
     Each is proved for the whole curve, and greatest values exceed the true ones by at most about
     1e-8 (relative), those of accelerations across and along the path also by 1e-8 times the
     greatest acceleration. The least speed is less than the true one by at most 1e-9 times the
-    greatest Bézier point of the velocity. Where the velocity vanishes, accelerations across and
-    along the path are bounded by that in total.
+    greatest Bézier point of the velocity. Where the velocity nearly vanishes, accelerations
+    across and along the path are bounded by that in total.
     """
 
     least_speed: Array

@@ -15,13 +15,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ferguson_gym.curves.turning import GRAVITY
-from ferguson_gym.runtime.arrays import Array, finite
+from ferguson_gym.runtime.arrays import Array, finite, truncate_repr
 from ferguson_gym.runtime.atomic_files import atomic_write
 from ferguson_gym.runtime.json_files import read_json
 from ferguson_gym.runtime.suggestions import did_you_mean
 
 START_SHARE = 1.0 / 3.0
-"""Flights start at this share of the greatest speed, or at the least speed if that is higher."""
+"""Flights start at this part of the greatest speed, or at the least speed if that is higher."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +61,8 @@ class Vehicle:
             value = getattr(self, limit)
             if value is None and limit in _OPTIONAL:
                 continue
+            if isinstance(value, (bool, np.bool_)):  # would count as 1 or 0
+                raise ValueError(f"{limit} of a vehicle must be a number, got {value}")
             number = float(finite(f"{limit} of a vehicle", value, ()))
             object.__setattr__(self, limit, number)
             if limit != "min_speed" and not number > 0.0:
@@ -85,9 +87,9 @@ class Vehicle:
 
     @property
     def start_speed(self) -> float:
-        """Speed at which flights start [m/s]: the least one, but at least a third of the greatest.
+        """Speed at which flights start by default [m/s].
 
-        A field that states a velocity at its start overrides it.
+        It is the greater one of the least speed and a third of the greatest speed.
         """
         return max(self.min_speed, START_SHARE * self.max_speed)
 
@@ -99,8 +101,8 @@ class Vehicle:
         return GRAVITY * math.tan(math.radians(self.max_roll))
 
     @property
-    def max_thrust(self) -> float:
-        """Greatest change of speed in time that any limit allows [m/s^2]; may be infinite."""
+    def max_longitudinal(self) -> float:
+        """Greatest acceleration along the path that both limits allow [m/s^2]; may be infinite."""
         limits = (self.max_path_acceleration, self.max_acceleration)
         return min((limit for limit in limits if limit is not None), default=math.inf)
 
@@ -161,9 +163,10 @@ def from_json(path: str | os.PathLike[str]) -> Vehicle:
     path = Path(path)
     try:
         data = read_json(path)
+        if isinstance(data, dict):
+            _check_names(data)
         if not isinstance(data, dict) or data.get("max_speed") is None:
             raise ValueError("a vehicle is a JSON object with max_speed, in m/s")
-        _check_names(data)
         given: dict[str, Any] = {key: value for key, value in data.items() if value is not None}
         return Vehicle(name=path.stem, **given)
     except ValueError as error:
@@ -175,7 +178,8 @@ def _check_names(given: Iterable[str]) -> None:
         if name not in LIMITS:
             near = did_you_mean(name, LIMITS)
             raise ValueError(
-                f"unknown limit {name!r} of a vehicle{near}; limits are {', '.join(LIMITS)}"
+                f"unknown limit {truncate_repr(name)} of a vehicle{near}; "
+                f"limits are {', '.join(LIMITS)}"
             )
 
 

@@ -17,8 +17,7 @@ from ferguson_gym.world.obstacles import Obstacles
 @pytest.mark.parametrize("metres", [0.5, 9.0, 40.0, 150.0])
 def test_the_bound_is_the_time_straight_ahead(vehicle: Vehicle, metres: float) -> None:
     # u is linear in the distance until top speed, so that a piece must end there
-    thrust = vehicle.max_thrust
-    run_up = (vehicle.max_speed**2 - vehicle.start_speed**2) / (2.0 * thrust)
+    run_up = (vehicle.max_speed**2 - vehicle.start_speed**2) / (2.0 * vehicle.max_longitudinal)
     steps = [metres] if metres <= run_up else [run_up, metres - run_up]
     flown = profile(steps, np.zeros(len(steps)), vehicle)
     assert least_seconds(metres, vehicle) == pytest.approx(flown.seconds, rel=1e-12)

@@ -57,8 +57,10 @@ def test_a_chain_too_uneven_for_one_duration_is_reported() -> None:
 def test_chains_that_have_no_durations_are_refused() -> None:
     with pytest.raises(ValueError, match="segments 0 and 1 join with different directions"):
         duration_ratios([LINE[0], [[9, 0], [9, 9], [0, 9], [0, 9]]])
+    with pytest.raises(ValueError, match="segments 0 and 1 do not join"):
+        duration_ratios([LINE[0], LINE[0]])
     with pytest.raises(ValueError, match="derivative at a joint is zero"):
-        duration_ratios([[[0, 0], [9, 0], [9, 0], [0, 0]], LINE[0]])
+        duration_ratios([[[0, 0], [9, 0], [9, 0], [0, 0]], [[9, 0], [18, 0], [9, 0], [9, 0]]])
     with pytest.raises(ValueError, match="a chain has shape"):
         duration_ratios(LINE[0])
     with pytest.raises(ValueError, match="a chain that does not move"):

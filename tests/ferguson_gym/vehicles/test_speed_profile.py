@@ -49,6 +49,15 @@ def assert_possible(found: SpeedProfile, steps: Array, bends: Array, vehicle: Ve
         assert (np.hypot(along, across) <= vehicle.max_acceleration * slack).all()
 
 
+@pytest.mark.parametrize("vehicle", [HOVERING, ROTOR], ids=lambda one: one.name)
+def test_times_converge_in_first_order(vehicle: Vehicle) -> None:
+    """Each halving saves half of what the one before it saved."""
+    control = winding(6, 0)
+    times = [profile(*pieces_of(control, 2**k), vehicle, 1.0).seconds for k in range(5, 9)]
+    saved = -np.diff(times)
+    np.testing.assert_allclose(saved[1:] / saved[:-1], 0.5, atol=0.1)
+
+
 @pytest.mark.parametrize("vehicle", [*VEHICLES.values(), HOVERING], ids=lambda one: one.name)
 @pytest.mark.parametrize("seed", range(6))
 def test_profiles_are_possible_and_finer_pieces_are_faster(vehicle: Vehicle, seed: int) -> None:
@@ -198,6 +207,12 @@ def test_bad_pieces_are_refused(steps: ArrayLike, bends: ArrayLike, message: str
 def test_bad_chains_are_refused() -> None:
     with pytest.raises(ValueError, match="a chain has shape"):
         fastest_along(LINE[0], WING)
+    with pytest.raises(ValueError, match="a chain is planar here, got segments in 3 dimensions"):
+        fastest_along(np.arange(12.0).reshape(1, 4, 3), WING)
+    with pytest.raises(ValueError, match="segments 0 and 1 join with different directions"):
+        fastest_along([LINE[0], [[9, 0], [9, 9], [0, 9], [0, 9]]], ROTOR)
+    with pytest.raises(ValueError, match=r"segments 0 and 1 do not join: .* differ by 9 m"):
+        fastest_along([LINE[0], LINE[0]], ROTOR)
     with pytest.raises(ValueError, match="an accuracy must be above 0"):
         fastest_along(LINE, WING, accuracy=0.0)
     with pytest.raises(ValueError, match="outside the speeds of fixed-wing"):

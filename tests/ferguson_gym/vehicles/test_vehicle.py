@@ -36,8 +36,8 @@ def test_the_tightest_turn_obeys_roll_and_total_acceleration() -> None:
     assert Vehicle(max_speed=9.0, max_acceleration=3.0).turn_radius(9.0) == 27.0
     both = Vehicle(max_speed=9.0, max_roll=45.0, max_acceleration=3.0)
     assert both.turn_radius(9.0) == 27.0
-    assert both.max_thrust == 3.0
-    assert Vehicle(max_speed=9.0).max_thrust == math.inf
+    assert both.max_longitudinal == 3.0
+    assert Vehicle(max_speed=9.0).max_longitudinal == math.inf
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -51,6 +51,8 @@ def test_a_vehicle_is_read_back_as_it_was_written(name: str, tmp_path: Path) -> 
 BAD: list[tuple[dict[str, Any], str]] = [
     ({"max_speed": 0}, "max_speed of a vehicle must be above 0, got 0"),
     ({"max_speed": math.inf}, "max_speed of a vehicle must be finite"),
+    ({"max_speed": True}, "max_speed of a vehicle must be a number, got True"),
+    ({"max_speed": 5, "max_roll": np.True_}, "max_roll of a vehicle must be a number"),
     ({"max_speed": "fast"}, "max_speed of a vehicle must be a number, got 'fast'"),
     ({"max_speed": 5, "min_speed": 6}, "need 0 <= min_speed < max_speed, got 6 m/s and 5 m/s"),
     ({"max_speed": 5, "min_speed": -1}, "need 0 <= min_speed < max_speed, got -1 m/s"),
@@ -76,6 +78,9 @@ def test_limits_that_no_vehicle_has_are_refused(limits: dict[str, Any], message:
     [
         ("[15]", "a vehicle is a JSON object with max_speed"),
         ('{"min_speed": 5}', "a vehicle is a JSON object with max_speed"),
+        ('{"maxspeed": 5}', "'maxspeed' of a vehicle .did you mean 'max_speed'"),
+        ('{"max_speed": true}', "max_speed of a vehicle must be a number, got True"),
+        ('{"max_speed": 5, "' + 300 * "x" + '": 5}', "unknown limit 'x{56}[.]{3} of a vehicle"),
         ('{"max_speed": 5, "max_rol": 5}', "'max_rol' of a vehicle .did you mean 'max_roll'"),
         ('{"max_speed": 5, "min_speed": 9}', "min_speed < max_speed"),
         ("{", "not JSON"),
