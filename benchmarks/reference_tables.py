@@ -168,14 +168,16 @@ def main() -> None:
     commands = parser.add_subparsers(dest="command", required=True)
     keep = commands.add_parser("keep", help="what the tables need of these results")
     keep.add_argument("results", type=Path, nargs="+", metavar="DIR")
-    keep.add_argument("--times", type=Path, required=True, metavar="DIR")
+    keep.add_argument("--times", type=Path, metavar="DIR", help="of all policies, in one run")
     commands.add_parser("show", help="the tables of what is kept")
     given = parser.parse_args()
     if given.command == "show":
         print(shown(), end="")
         return
     try:
-        found = {"times": times(given.times)} | {one.name: kept(one) for one in given.results}
+        found = {one.name: kept(one) for one in given.results}
+        if given.times:
+            found["times"] = times(given.times)
     except ValueError as error:
         parser.error(str(error))
     KEPT.mkdir(exist_ok=True)
