@@ -27,7 +27,7 @@ CHUNK = 10
 """Fields in a chunk; an unfinished chunk is flown again after an interruption."""
 MOST = 1_000_000
 """Limit of fields in a dataset."""
-LIBRARIES = ("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp")
+LIBRARIES = ("ferguson-gym", "gymnasium", "numpy", "scipy", "numba")
 """Libraries that flights depend on."""
 
 

@@ -16,7 +16,7 @@ from ferguson_gym.world import Field
 from planners.interface import Seconds
 
 LIBRARIES = (
-    *("ferguson-gym", "gymnasium", "numpy", "scipy", "numba", "daqp"),
+    *("ferguson-gym", "gymnasium", "numpy", "scipy", "numba"),
     *("torch", "stable-baselines3", "sb3-contrib", "ompl", "pygmo", "networkx"),
 )
 """Libraries that flights depend on."""

@@ -21,7 +21,7 @@ from ferguson_gym.world import Field, inspect, is_feasible
 from planners.interface import Plan, Route, Status, initial_state
 from planners.reachability import unreachable_plan
 
-LIBRARIES = ("numpy", "scipy", "numba", "daqp", "networkx", "ompl", "pygmo", "drake")
+LIBRARIES = ("numpy", "scipy", "numba", "networkx", "ompl", "pygmo", "drake")
 """Libraries that plans depend on, whose versions are recorded."""
 FALSE_SUCCESS = "false_success"
 """Status of a plan that was reported as solved but fails the benchmark's own check."""
